@@ -42,7 +42,7 @@ class Loop:
 
     Attributes:
         last_turn: When the last turn that did not fail ended, Unix time; 0 before that.
-        errors: How many turns have failed.
+        errors: How many turns have failed, and pieces of turns that go on.
         stopping: Whether it was asked to stop; a long turn should look.
     """
 

@@ -28,7 +28,6 @@ from ros_diagnostics_exporter.events import Event, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import Fault, as_texts
 from ros_diagnostics_exporter.texts import encodable
 
-MAX_BODY = 1024 * 1024  # bytes; a message about one alert has some thousand
 MAX_ALERTS = 1_000  # of a message
 MAX_NOTIFIED = 100  # events of a fault; a reminder a day, for a quarter of a year
 MAX_RECEIVERS = 20  # of a fault

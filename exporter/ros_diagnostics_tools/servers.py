@@ -81,6 +81,9 @@ def _servers(flags: dict[str, Any]) -> Servers:
     if named:
         flags = {**flags, "url": named["url"]}
     known = {**named, **{key: value for key, value in flags.items() if value}}
+    for key in known.keys() & set(_PATHS):
+        if not os.access(known[key], os.R_OK):
+            raise click.UsageError(f"{key}: {known[key]}: no such file, or it cannot be read")
     options = {key: value for key, value in known.items() if key not in _URLS}
     return Servers(
         Client(known.get("url", EXPORTER_URL), **options),

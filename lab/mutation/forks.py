@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -11,6 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Generator
+from functools import _lru_cache_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -136,13 +138,20 @@ class _Watched:
         self._measuring = measuring
         self.tests: list[str] = []
         self.seconds: dict[str, float] = {}
+        self._caches: list[_lru_cache_wrapper[Any]] = []
 
     def pytest_collection(self) -> None:
         _draw(max_examples=REACHING)
 
+    def pytest_collection_finish(self) -> None:
+        self._caches = [each for each in gc.get_objects() if isinstance(each, _lru_cache_wrapper)]
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, Any, Any]:
         self.tests.append(item.nodeid)
+        for cache in self._caches:  # or only the first test of all reaches what is kept
+            if cache.__module__.startswith("ros_diagnostics"):
+                cache.cache_clear()
         self._measuring.switch_context(item.nodeid)
         try:
             return (yield)

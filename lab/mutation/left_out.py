@@ -10,6 +10,8 @@ _KINDS = (
     ("NumberReplacer", r"\bround\([^()]*, $", r"\d+\)"),
     # What a key of fleet.yml is shown with is chosen.
     ("NumberReplacer", r"\bexample=[^=]*$", ""),
+    ("ReplaceTrueWithFalse", r"\bexample=[^=]*$", ""),
+    ("ReplaceFalseWithTrue", r"\bexample=[^=]*$", ""),
     # How much a cache keeps is chosen.
     ("NumberReplacer", r"\blru_cache\(maxsize=$", ""),
     # What is joined is equally long where the code is right: strict is there to say so.

@@ -98,14 +98,14 @@ def texts(result: Result) -> list[str]:
     ]
 
 
-def write_ros1(path: Path, rows: Iterable[Row], *, topic_type: str = ARRAY) -> Path:
+def write_ros1(path: Path, rows: Iterable[Row]) -> Path:
     """A .bag of ROS 1 of these arrays."""
     types = get_typestore(Stores.ROS1_NOETIC)
     with Writer(path) as writer:
         connections: dict[str, Connection] = {}
         for second, topic, statuses in rows:
             if topic not in connections:
-                connections[topic] = writer.add_connection(topic, topic_type, typestore=types)
+                connections[topic] = writer.add_connection(topic, ARRAY, typestore=types)
             at = round((BEGIN + second) * 1e9)
             writer.write(connections[topic], at, ros1_array(statuses))
     return path

@@ -18,14 +18,18 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
     ComponentSettings,
+    Followed,
     Identity,
+    Reason,
     RobotSettings,
     Row,
+    Scope,
     ValueReport,
 )
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level
+EXPLAINED = (Reason.BEHIND, Reason.CAPABILITY)
 WALL = 1_000_000.0  # Unix time at second 0
 READY = -100.0  # second at which the robots are first received; the engine starts before
 Event = Callable[[Faults, Instant], "list[Change]"]
@@ -163,6 +167,7 @@ class Player:
         self.writes = True
         self._each_second = each_second
         self.second = READY - 100
+        self.shown: dict[str, dict[ComponentName, Followed]] = {}  # what a scrape has, by robot
         self._boots = cycle(BOOTS)
         self._boot = next(self._boots)
 
@@ -179,12 +184,17 @@ class Player:
                 fields = json.loads(json.dumps(row.fields))
                 self.rows[row.kind, row.key] = row._replace(fields=fields)
 
-    def reborn(self, second: float) -> None:
-        """Continue with a new engine on another machine, restored from the written rows."""
+    def reborn(self, second: float, set_back: float = 0.0) -> None:
+        """Continue with a new engine on another machine, restored from the written rows.
+
+        Its wall clock is set back by so many seconds: from now on, ``second`` is by that.
+        """
         self.write(second)
-        self._boot = next(self._boots)
+        self._boot = next(self._boots) + set_back
+        self.second = second - set_back
         self.faults = Faults(self.settings)
-        self.faults.restore(list(self.rows.values()), self.at(second))
+        self.faults.restore(list(self.rows.values()), self.at(self.second))
+        self.shown = {robot: self.faults.followed(robot) for robot in self.faults._book.robots}
 
     def go(self, second: float, *events: Event) -> list[Change]:
         """Advance the time, apply the events; return all changes."""
@@ -231,6 +241,46 @@ def player(
     return found
 
 
+def assert_views_agree(player: Player) -> None:
+    """What explains the trouble of components is what keeps their problems quiet."""
+    faults, now = player.faults, player.at(player.second)
+    found: dict[tuple[str, ComponentName], set[Reason]] = {}
+    for view in faults.problems(now):
+        of, due = view.identity, view.due <= now.wall
+        is_quiet = view.fault is None and not view.well and due and view.quiet in EXPLAINED
+        if is_quiet and of.scope in (Scope.COMPONENT, Scope.FLAPPING):
+            assert view.quiet is not None
+            name = ComponentName(of.group, of.component)
+            found.setdefault((of.robot, name), set()).add(view.quiet)
+    explained = {
+        (robot, name): reason
+        for robot in faults._book.robots
+        for name, reason in faults.explained(robot, now).items()
+    }
+    assert not any(cause.is_usual for cause in faults._book.causes.values())
+    robots = faults._book.robots
+    for robot in robots:
+        problems = sorted(each.identity for each in faults.problems(now, robot))
+        views = (view.identity for view in faults.problems(now))
+        assert sorted(each for each in views if each.robot == robot) == problems
+        assert sorted(faults.identities(robot)) == problems
+        assert faults.in_trouble(robot) is bool(problems)
+        parts = {ComponentName(each.group, each.component) for each in problems}
+        for name in faults.component_names(robot):
+            assert faults.in_trouble(robot, name) is (name in parts)
+    player.shown |= {
+        each: faults.followed(each) for each in faults.take_followed() if each in robots
+    }
+    for robot in robots:
+        shown, followed = (
+            {name: each for name, each in found_of.items() if any(each)}
+            for found_of in (player.shown.get(robot, {}), faults.followed(robot))
+        )
+        assert shown == followed, robot
+    assert explained.keys() == found.keys()
+    assert all(reason in found[of] for of, reason in explained.items())
+
+
 def play(
     *steps: tuple[object, ...],
     robots: Iterable[str] = ("r1",),
@@ -243,6 +293,7 @@ def play(
         for second, event, *expected in steps:
             changes = last.go(second, *([] if event is None else [event]))
             found = texts(changes)
+            assert_views_agree(last)
             assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
         assert len(list(last.faults.faults())) == sum(
             1 if "began" in text else -1 for _, _, *expected in steps for text in expected

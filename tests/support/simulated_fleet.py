@@ -25,10 +25,6 @@ def level_of(message: Message, name: str) -> int:
     return next(status.level for status in message.statuses if status.name == name)
 
 
-def message_of(message: Message, name: str) -> str:
-    return next(status.message for status in message.statuses if status.name == name)
-
-
 def number_of(message: Message) -> int:
     """The message's own number: the highest in it, because a stale status keeps an old one."""
     return max(int(v) for s in message.statuses for k, v in s.values if k == "Sequence")

@@ -65,6 +65,14 @@ def test_what_is_installed_by_hash_has_the_same_versions(lock: str):
     assert all("--hash=sha256:" in each for each in entries)
 
 
-def test_no_production_host_has_what_only_the_simulator_needs():
-    assert "rosbags" not in pins("exporter")
-    assert "rosbags" in pins("demo")
+def test_package_and_image_have_all_extras_but_the_demo():
+    extras = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    demo = {canonicalize_name(Requirement(each).name) for each in extras.pop("demo")}
+    needed = {
+        canonicalize_name(Requirement(each).name) for wanted in extras.values() for each in wanted
+    }
+    assert needed <= pins("exporter").keys()
+    assert demo - needed
+    assert not (demo - needed) & pins("exporter").keys()

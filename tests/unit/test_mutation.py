@@ -40,6 +40,8 @@ def test_each_class_that_is_caught_is_replaced_alone():
         ("NumberReplacer", "    return max(round(a), 3)", "3", False),
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "0.01", True),
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "1.0", False),
+        ("ReplaceTrueWithFalse", "        example=True,", "True", True),
+        ("ReplaceFalseWithTrue", "        example=True, default=False", "False", False),
         ("NumberReplacer", "@lru_cache(maxsize=4096)", "4096", True),
         ("NumberReplacer", "    deque(maxlen=4096)", "4096", False),
         ("ReplaceTrueWithFalse", "    rows = zip(names, texts, strict=True)", "True", True),

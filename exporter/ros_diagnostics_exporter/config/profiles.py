@@ -75,8 +75,9 @@ class ComponentRule(Conditional, Entry, title="Component"):
     reports: Literal["always", "on_change"] = described(
         "`on_change`: they are published only when something changes, as rosserial does. They are "
         "not STALE for want of an update as long as their robot is received, and keep the level "
-        "that was published last; but for those that an aggregator's array no longer has, as after "
-        "its restart.",
+        "that was published last. Those that an aggregator's array no longer has, as after a "
+        "reboot of the robot, are STALE until they are published again: have their drivers "
+        "publish them at their start.",
         example="on_change",
         default="always",
     )

@@ -276,8 +276,10 @@ class FaultReports:
         now = self._time(now)
         self.engine.forget(robot, now)
         reports = self._robots.get(robot)
-        for name in () if reports is None else self.engine.component_names(robot):
-            if reports is not None and reports.find(name) is None:  # adopted, never received
+        if reports is None:
+            return
+        for name in self.engine.component_names(robot):
+            if reports.find(name) is None:  # adopted, never received
                 self._record(self.engine.forget_component(robot, name, now))
 
     def keeps(self, robot: RobotState, component: Component | None = None) -> bool:

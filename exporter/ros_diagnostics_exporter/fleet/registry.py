@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Iterator, Mapping
+from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -207,7 +208,7 @@ class RobotRegistry:
         new = [
             each for each in topics if each not in self.bindings and each not in self.shared_topics
         ]
-        new.sort(key=lambda topic: self._replaced.get(topic, 0.0))
+        new.sort(key=lambda topic: self._replaced.get(topic, -inf))
         for discovery in self._fleet.discoveries:
             for topic in new:
                 if topic not in self.bindings:

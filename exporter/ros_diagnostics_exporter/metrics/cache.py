@@ -19,7 +19,6 @@ from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.texts import escape
 
-_VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
 STATES = {ability: number for number, ability in enumerate(ABILITIES)}
@@ -157,9 +156,10 @@ class RobotText:
                         value.key, None if family == value.metric else value.unit
                     )
                     self._values.setdefault(family, _Values()).add(labels, own, value)
-        for name in (self.promoted | _VALUES) - self._values.keys():
+        plain = {metrics.COMPONENT_VALUE.name}
+        for name in (self.promoted | plain) - self._values.keys():
             self._remove(name)
-        self.promoted = self._values.keys() - _VALUES
+        self.promoted = self._values.keys() - plain
         name = metrics.COMPONENT_INFO.name
         self._set(
             metrics.COMPONENT_INFO,
@@ -394,11 +394,8 @@ def _labels_of_value(key: str, unit: str | None) -> str:
 def _families_of(value: ExportedValue) -> list[str]:
     """The names of the families that have a sample of it."""
     names = [] if value.metric is None else [value.metric]
-    monitored = value.rule is not None and value.rule.thresholds
-    if value.metric is None or monitored:
+    if value.metric is None or (value.rule is not None and value.rule.thresholds):
         names.append(metrics.COMPONENT_VALUE.name)
-    if monitored:
-        names.append(metrics.COMPONENT_MONITORED_VALUE.name)
     return names
 
 

@@ -245,12 +245,6 @@ COMPONENT_VALUE = _family(
     "and where it has a `metric` and no threshold.",
     (*COMPONENT, "key", "unit"),
 )
-COMPONENT_MONITORED_VALUE = _family(
-    "component_monitored_value",
-    "gauge",
-    "component_value of the values with thresholds: a few instead of all values.",
-    (*COMPONENT, "key", "unit"),
-)
 COMPONENT_VALUE_THRESHOLD = _family(
     "component_value_threshold",
     "gauge",
@@ -327,7 +321,6 @@ FLEET_FAMILIES = (
     COMPONENT_QUIET_REASON,
     COMPONENT_INFO,
     COMPONENT_VALUE,
-    COMPONENT_MONITORED_VALUE,
     COMPONENT_VALUE_THRESHOLD,
     GROUP_LEVEL,
 )

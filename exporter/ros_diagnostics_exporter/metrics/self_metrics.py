@@ -268,7 +268,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_loop_errors_total",
             "counter",
-            "Turns of a loop that failed, which is a bug; each is logged, at most one a minute.",
+            "Turns of a loop, or of a domain parts of them, that failed, which is a bug; at most "
+            "one a minute is logged.",
             (*EXPORTER, "loop"),
         ),
         lambda exporter: _by_label({each.name: each.errors for each in exporter.loops()}),

@@ -32,22 +32,18 @@ try:
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.context import Context
-    from rclpy.event_handler import QoSSubscriptionEventType, SubscriptionEventCallbacks
-    from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.event_handler import SubscriptionEventCallbacks
     from rclpy.node import Node
     from rclpy.parameter import Parameter
     from rclpy.qos import (
         DurabilityPolicy,
         HistoryPolicy,
-        QoSPolicyKind,
         QoSProfile,
         ReliabilityPolicy,
-        qos_policy_name_from_kind,
     )
     from rclpy.serialization import deserialize_message
-    from rclpy.subscription import Subscription
 
-    from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader
+    from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader, Subscribed
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
@@ -66,7 +62,6 @@ SELDOM = 5  # looks at the graph from one question about a topic with messages t
 # the same, at most this share of the time is spent on it: then looks are further apart than
 # ``poll_interval``, up to five times as far.
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
-ASKED_BEFORE = 3  # times that a subscription matches too few, before the middleware is asked why
 LINKS = 5.0  # seconds between two looks at how messages arrive
 
 
@@ -130,7 +125,7 @@ class DdsDomain(Reception):
         super().__init__(domain, receiver, count, poll_interval)
         self._ros_arguments = ros_arguments
         self._domain_id = domain
-        self._subscriptions: dict[str, _Subscribed] = {}
+        self._subscriptions: dict[str, Subscribed] = {}
         self._known: dict[str, tuple[tuple[int, tuple[str, ...], str], Endpoint]] = {}
         self._looks = 0
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
@@ -314,7 +309,7 @@ class DdsDomain(Reception):
             # Each event that rclpy would watch for is one more thing to wait for.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
-        subscribed = self._subscriptions[name] = _Subscribed(subscription)
+        subscribed = self._subscriptions[name] = Subscribed(subscription)
 
         def close() -> None:
             del self._subscriptions[name]
@@ -347,47 +342,6 @@ def _make_node(*args: Any, **kwargs: Any) -> Node:
             return _Nothing()
 
     return Guest(*args, **kwargs)
-
-
-class _Subscribed:
-    """A subscription, and what the middleware says of the publishers that it does not match."""
-
-    def __init__(self, subscription: Subscription) -> None:
-        self._subscription = subscription
-        self._event: Any = None
-        self._asked = 0
-
-    @property
-    def matched(self) -> int:
-        """How many publishers it matches."""
-        return int(self._subscription.get_publisher_count())
-
-    @property
-    def refused(self) -> str:
-        """The policy because of which it last did not match a publisher; "" where there is none."""
-        # Not at once, while publishers are matched: what arrives while it is made may be lost.
-        self._asked += 1
-        if self._event is None and self._asked < ASKED_BEFORE:
-            return ""
-        if self._event is None:
-            with self._subscription.handle:
-                self._event = rclpy_implementation.EventHandle(
-                    self._subscription.handle,
-                    QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
-                )
-        with self._event:
-            status = self._event.take_event()
-        if status is None or not status.total_count:
-            return ""
-        kind = QoSPolicyKind(int(status.last_policy_kind))
-        if kind is QoSPolicyKind.INVALID:
-            return "a policy that ROS has no name for, as ownership or data representation"
-        return str(qos_policy_name_from_kind(kind))
-
-    def close(self) -> None:
-        """Ask no more."""
-        if self._event is not None:
-            self._event.destroy_when_not_in_use()
 
 
 def _never_called(_data: object) -> None:

@@ -9,9 +9,18 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from time import thread_time
-from typing import Any, Protocol
+from typing import Any
 
-from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.qos import (
+    QoSCompatibility,
+    QoSPolicyKind,
+    QoSProfile,
+    qos_check_compatible,
+    qos_policy_name_from_kind,
+)
+from rclpy.subscription import Subscription
 
 from ros_diagnostics_exporter.config.robots import MESSAGE_TYPE
 from ros_diagnostics_exporter.model import Domain, Instant
@@ -27,18 +36,48 @@ MAX_ENDPOINTS = 50  # publishers, or subscribers, of a topic; more are every rob
 MAX_MISMATCHES = 10  # of one topic that are named
 MAX_MATCHES = 1000  # of two QoS that are kept
 GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
+ASKED_BEFORE = 3  # times that a subscription matches too few, before the middleware is asked why
 
 
-class Subscribed(Protocol):
-    """A subscription of our own: how many publishers it matches, and why no others."""
+class Subscribed:
+    """A subscription, and what the middleware says of the publishers that it does not match."""
+
+    def __init__(self, subscription: Subscription) -> None:
+        self._subscription = subscription
+        self._event: Any = None
+        self._asked = 0
 
     @property
     def matched(self) -> int:
         """How many publishers it matches."""
+        return int(self._subscription.get_publisher_count())
 
     @property
     def refused(self) -> str:
-        """The policy because of which it does not match another; "" where there is none."""
+        """The policy because of which it last did not match a publisher; "" where there is none."""
+        # Not at once, while publishers are matched: what arrives while it is made may be lost.
+        self._asked += 1
+        if self._event is None and self._asked < ASKED_BEFORE:
+            return ""
+        if self._event is None:
+            with self._subscription.handle:
+                self._event = rclpy_implementation.EventHandle(
+                    self._subscription.handle,
+                    QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+                )
+        with self._event:
+            status = self._event.take_event()
+        if status is None or not status.total_count:
+            return ""
+        kind = QoSPolicyKind(int(status.last_policy_kind))
+        if kind is QoSPolicyKind.INVALID:
+            return "a policy that ROS has no name for, as ownership or data representation"
+        return str(qos_policy_name_from_kind(kind))
+
+    def close(self) -> None:
+        """Ask no more."""
+        if self._event is not None:
+            self._event.destroy_when_not_in_use()
 
 
 class EndpointReader:

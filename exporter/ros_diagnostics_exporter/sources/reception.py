@@ -268,6 +268,7 @@ class Reception(ABC):
         try:
             work()
         except Exception as error:
+            self.loop.errors += 1
             self.log_seldom("", "error", "%s%s: internal error: %s", error)
             log.debug("%s", place(self._domain), exc_info=True)
             return False

@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.web.responses import BusyError, Workers
 SNAPSHOT_AGE = 1.0  # seconds for which a snapshot of the fleet is shared
 MAX_EVENTS = 10_000
 MAX_ID = 2**53  # of an event: above it, JSON numbers are not exact
-MAX_BODY = 1 << 20  # bytes of a message of Alertmanager
+MAX_BODY = 1 << 20  # bytes of a message of Alertmanager, which has some thousand an alert
 MAX_BODIES = 16 << 20  # ... of all that are being received
 PAGE_BYTES = 4 << 20  # of events in one response
 LIFECYCLE_DISABLED = (

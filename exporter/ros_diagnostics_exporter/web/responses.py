@@ -48,7 +48,8 @@ class Workers:
 
     async def run(self, function: Callable[..., T], *arguments: Any) -> T:
         """What ``function`` returns or raises; BusyError when too many requests wait."""
-        self._check()
+        if self._pending >= self._max_pending:
+            raise BusyError
         return await self._wait(self._submit(function, *arguments))
 
     async def run_shared(self, seconds: float, function: Callable[..., T], *arguments: Any) -> T:
@@ -57,7 +58,8 @@ class Workers:
         An exception is shared only with the requests that were already waiting. ``arguments`` are
         part of the cache's key, so clients must not be able to choose them.
         """
-        self._check()
+        if self._pending >= self._max_pending:
+            raise BusyError
         key = (function, arguments)
         if key not in self._shared:
             call = self._submit(function, *arguments)
@@ -82,10 +84,6 @@ class Workers:
     def close(self) -> None:
         """Wait for the running calls; none may follow."""
         self._executor.shutdown(cancel_futures=True)
-
-    def _check(self) -> None:
-        if self._pending >= self._max_pending:
-            raise BusyError
 
     def _submit(self, function: Callable[..., T], *arguments: Any) -> asyncio.Future[T]:
         return asyncio.get_running_loop().run_in_executor(self._executor, function, *arguments)

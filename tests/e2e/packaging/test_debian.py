@@ -26,6 +26,10 @@ ROBOTS = (
     *("env", "PYTHONPATH=/srv/sim", "PYTHONDONTWRITEBYTECODE=1", f"/opt/{NAME}/bin/python", "-c"),
     "from virtual_robots.cli import main; main()",
 )
+ZENOH = (
+    "zenoh: {routers: [tcp/127.0.0.1:7447]}\\n"
+    "robots: [{name: agv, zenoh: customer/agv, namespace: /agv}]\\n"
+)
 
 pytestmark = debian.marks(ABSENT)
 
@@ -80,6 +84,10 @@ def test_installed_used_upgraded_and_removed_without_a_trace(
     machine.does(f"sed -i 's/^fleet: .*/fleet: warehouse/' /etc/{NAME}/fleet.yml; {change}")
     machine.until_output(scrape("/metrics"), 'ros_diagnostics_robot_up\\{fleet="warehouse"')
     machine.does(f"! runuser -u nobody -- ls /var/lib/{NAME}")
+
+    # A robot behind zenoh: nothing has to be installed for it.
+    machine.does(f"printf '{ZENOH}' >>/etc/{NAME}/fleet.yml; {change}")
+    machine.until_output(scrape("/metrics"), 'robot="agv",reason="domain_unreachable"\\} 1')
 
     # The files for Prometheus.
     (folder,) = blocks(PAGE, "## Add to Prometheus")

@@ -28,7 +28,6 @@ COMPONENTS = (
             step("worsens/Motor 1: ok", until=rank("worsens", 0)),
         ),
         ranks={"worsens": (0, 1, 3, 1, 0)},
-        availability={"warning": ((1, 2), (3, 4)), "critical": ((2, 3),)},
     ),
     Scenario(
         "a component that no longer reports is STALE until it does",
@@ -113,7 +112,7 @@ VALUES = (
                 ("tender/Main Battery: hovering", "tender/Motor: cool"),
                 LOW,
                 EMPTY,
-                until='count_over_time((ros_diagnostics_component_monitored_value{robot="tender",'
+                until='count_over_time((ros_diagnostics_component_value{robot="tender",'
                 'key="Charge"} > 15 < 15.2)[12s:2s]) >= 6',
             ),
             step("tender/Main Battery: some", LOW),

@@ -86,15 +86,6 @@ def ranks(result: dict[str, Any], robot: str, began: float) -> tuple[int, ...]:
     return tuple(value for value, _ in groupby(values))
 
 
-def spent(result: dict[str, Any], robot: str) -> dict[str, float]:
-    """Seconds of the whole run that a robot was in each part of availability."""
-    return {
-        each["metric"]["part"]: float(each["value"][1])
-        for each in result["parts"]
-        if each["metric"]["robot"] == robot
-    }
-
-
 def _changes(series: dict[str, Any], until: float) -> list[Change]:
     name = name_of(series["metric"])
     times = [float(at) for at, _ in series["values"]]

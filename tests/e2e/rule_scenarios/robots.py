@@ -78,7 +78,6 @@ ROBOTS = (
             step("site: finish serviced", critical("serviced", "Motor 2")),
             step("serviced/Motor 2: ok", until=rank("serviced", 0)),
         ),
-        availability={"maintenance": ((1, 4),), "critical": ((4, 5),)},
     ),
     Scenario(
         "a fault that is repaired while its robot is silent resolves when the robot is back",
@@ -193,7 +192,6 @@ NETWORK = (
             step(("far_1: resume", "far_2: resume"), UPLINK, until=rank("far_2", 0)),
             step("site: mend uplink"),
         ),
-        availability={"unreachable": ((2, 3),)},
     ),
 )
 FLEETS = (

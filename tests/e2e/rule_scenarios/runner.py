@@ -65,12 +65,11 @@ class Run:
         until(finished, self._unfinished, SECONDS, every=0.5)
 
     def result(self) -> dict[str, Any]:
-        """What Prometheus recorded of the run, once the last slot of availability is complete."""
-        slot = "min(timestamp(robot:ros_diagnostics_part_seconds:sum5m))"
+        """What Prometheus recorded of the run, and of some seconds after it."""
+        recorded_until = "min(timestamp(robot:ros_diagnostics_state:rank))"
         ended = time.time()
-        until(lambda: self.engine.query(f"{slot} > {ended + 4}"), "the last slot", 90, every=1)
+        until(lambda: self.engine.query(f"{recorded_until} > {ended + 4}"), "the last states", 90)
         now = time.time()
-        window = f"[{int(now - self.started) + 30}s]"
 
         def recorded(expr: str) -> list[dict[str, Any]]:
             return self.engine.query_range(expr, self.started, now, 1)
@@ -80,14 +79,6 @@ class Run:
             "until": now,
             "alerts": recorded('ALERTS{alertstate="firing", fleet!=""}'),
             "ranks": recorded("robot:ros_diagnostics_state:rank"),
-            "parts": self.engine.series(
-                "sum by (fleet, robot, part)"
-                f" (sum_over_time(robot:ros_diagnostics_part_seconds:sum5m{window}))"
-            ),
-            "slots": self.engine.series(
-                "sum by (fleet, robot) (robot:ros_diagnostics_part_seconds:sum5m)"
-            ),
-            "version": self.engine.query("prometheus_build_info")[0].labels["version"],
         }
 
     def _next(self, progress: Progress) -> None:

@@ -33,15 +33,12 @@ class Scenario:
     """A title, its robots (or fleets, uplinks), and steps that list all alerts about those.
 
     ``ranks`` are the states that are recorded of a robot, in order, from the first step on.
-    ``availability`` has, for a part of availability, the steps during which the first robot is in
-    it: from the beginning of the first to the beginning of the second.
     """
 
     title: str
     robots: tuple[str, ...]
     steps: tuple[Step, ...]
     ranks: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    availability: dict[str, tuple[tuple[int, int], ...]] = field(default_factory=dict)
 
 
 def step(

@@ -271,6 +271,13 @@ def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault()
         robot_snapshot(driver.state, "nobody", driver.now, care)
 
 
+def test_a_component_that_never_changed_does_not_flap():
+    driver = StateDriver()
+    driver.raw(Status(OK, "Motor"))
+    (motor,) = robot(driver)["components"]
+    assert (motor["state"], motor["flap_ratio"], motor["changes"]) == ("OK", 0.0, 0)
+
+
 def test_infinity_is_no_number_of_json():
     driver = StateDriver()
     driver.raw(Status(OK, "Arm", values=(("a", "inf"), ("b", "-inf"), ("c", "nan"), ("d", "0"))))

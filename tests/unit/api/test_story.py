@@ -88,6 +88,13 @@ def test_what_also_happens_without_a_fault_or_not_each_time_is_not_mentioned():
     assert not any("Charger" in text for text in sentences(events[:4] + events[-3:]))
 
 
+def test_of_two_that_precede_it_as_often_the_one_with_the_steadier_delay_is_named():
+    begins = [each["since"] for each in three(charger=False) if each["kind"] == "fault_began"]
+    brake = [level(at - delay, "Brake") for at, delay in zip(begins, (1, 31, 61), strict=True)]
+    named = [text for text in sentences(three() + brake) if text.startswith("Each of")]
+    assert [re.search("after (.*) turned", text)[1] for text in named] == ["/Power/Charger"]
+
+
 @pytest.mark.parametrize(
     ("after", "words"),
     [("silent", "the robot was silent"), ("received", "the robot was back"), ("known", "")],
@@ -156,6 +163,13 @@ def test_of_parts_that_are_well_the_one_that_failed_most_often_is_first():
     assert [text.split(" was")[0] for text in first] == ["/Motor/Motor 2", "/Motor/Motor 1"]
 
 
+def test_of_parts_that_failed_as_often_the_one_that_was_well_last_is_first():
+    early, late = (fault(NOW - at, NOW - at + 60, f"Part {at}") for at in (900, 800))
+    for events in ([*early, *late], [*late, *early]):
+        texts = [text for text in sentences(events) if "was faulty" in text]
+        assert [text.split(" was")[0] for text in texts] == ["/Motor/Part 800", "/Motor/Part 900"]
+
+
 def test_what_lasts_is_first_and_the_number_of_parts_is_limited():
     many = [each for n in range(12) for each in fault(NOW - 9 * HOUR, NOW - HOUR, f"Part {n}")]
     since = NOW - 60
@@ -199,6 +213,8 @@ def test_the_history_of_a_fault_is_of_its_id(find):
     assert [each["author"] for each in first["acknowledged"]] == ["ann"]
     assert [each["receiver"] for each in first["notified"]] == ["email"]
     assert history(find, lambda _each: False) == []
+    (only,) = history(find, lambda each: each.get("robot") == "other")
+    assert (only["since"], only["until"]) == (200.0, None)
 
 
 def test_a_story_is_made_of_the_recent_events_and_of_all_faults(find, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from datetime import timezone
 from typing import Any
@@ -103,6 +104,26 @@ def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     nights = report.by_night(found, midnight - 172_800, midnight + 172_800, zone)
     known = {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1, "2024-10-05": 0}
     assert nights == known
+
+
+def test_nights_are_those_of_the_hosts_time_zone(monkeypatch):
+    midnight = 20_000 * 86_400.0
+    of = LABELS | {"since": midnight - 9_000}
+    log = [
+        {"id": 1, "time": midnight - 9_000, "kind": "fault_began", **of},
+        {"id": 2, "time": midnight - 7_000, "kind": "notified", "after": "firing", **of},
+        {"id": 3, "time": midnight - 60, "kind": "fault_ended", "reason": "recovered", **of},
+    ]
+    for zone, nights in (("UTC", {"2024-10-03": 1}), ("Asia/Tokyo", {})):
+        with monkeypatch.context() as patch:
+            patch.setenv("TZ", zone)
+            time.tzset()
+            found = report.Counting(
+                lambda kind, **_: [each for each in log if each["kind"] == kind]
+            ).count([], midnight + 3_600)
+        time.tzset()
+        assert found is not None
+        assert {night: n for night, n in found.nights.items() if n} == nights
 
 
 LABELS = {"scope": "component", "state": "critical", "severity": "critical"}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from ros_diagnostics_exporter.config.capabilities import in_order
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load, sources
 from ros_diagnostics_exporter.config.queries import component_name
@@ -79,6 +80,49 @@ def test_domains_of_all_entries_are_collected(fleet_of):
 def test_a_query_may_be_one_character(fleet_of):
     (query,) = fleet_of('fleet: demo\nqueries: [{expr: "1", component: site}]').queries
     assert query.expr == "1"
+
+
+def test_the_label_of_a_robot_is_robot_unless_a_query_names_another_or_an_address(fleet_of):
+    text = "fleet: demo\nqueries: [{expr: up, component: site, %s}]"
+    for written, expected in (
+        ("group: a", ("robot", None)),
+        ("robot: host", ("host", None)),
+        ("address: instance", (None, "instance")),
+    ):
+        (query,) = fleet_of(text % written).queries
+        assert (query.robot, query.address) == expected
+
+
+def test_the_value_of_a_label_has_at_most_256_characters(fleet_of, errors_of):
+    text = "fleet: demo\nrobots: [{name: r, labels: {site: %s}}]"
+    (robot,) = fleet_of(text % ("a" * 256)).robots
+    assert robot.labels == {"site": "a" * 256}
+    (error,) = errors_of(text % ("a" * 257))
+    assert "has 257 characters; use at most 256" in error
+
+
+def test_capabilities_are_ordered_after_those_that_they_need(fleet_of):
+    fleet = fleet_of("""
+        fleet: demo
+        profiles:
+          default:
+            capabilities:
+              tour: [{capability: drive}, {capability: view}]
+              drive: {any: [{capability: view}, Motor]}
+              view: Laser
+    """)
+    assert in_order(fleet.profiles["default"].capabilities) == ["view", "drive", "tour"]
+
+
+def test_a_profile_has_conditions_where_a_component_or_a_value_has(fleet_of):
+    when = "when: [{component: Dock, level: OK}]"
+    for rules, expected in (
+        ("components: [{match: Motor}], values: [{key: Level, unit: V}]", False),
+        (f"components: [{{match: Motor, {when}}}]", True),
+        (f"values: [{{key: Level, thresholds: {{low: {{warning: 1}}}}, {when}}}]", True),
+    ):
+        fleet = fleet_of(f"fleet: demo\nprofiles: {{default: {{{rules}}}}}")
+        assert fleet.profiles["default"].has_conditions is expected
 
 
 def test_the_name_of_a_component_is_made_of_the_labels_of_its_element():

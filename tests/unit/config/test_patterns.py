@@ -2,7 +2,7 @@
 
 import pytest
 
-from ros_diagnostics_exporter.config.patterns import expression, wildcard, word
+from ros_diagnostics_exporter.config.patterns import expression, split, wildcard, word
 
 
 @pytest.mark.parametrize(
@@ -77,3 +77,9 @@ def test_patterns_of_two_reads_of_a_config_are_equal():
     assert expression("a+") == expression("a+")
     assert word("a") == word("a") != word("b")
     assert word("a") != expression("a")
+
+
+def test_the_name_of_a_robot_is_followed_by_that_of_its_component_whatever_that_has():
+    found = split("{robot}/{component}").fullmatch("r1/Motor\n2")
+    assert found is not None
+    assert (found["robot"], found["component"]) == ("r1", "Motor\n2")

@@ -158,6 +158,12 @@ def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
     assert load_data(whole(name, defaults)) == load_data(whole(name, {}))
 
 
+def test_the_schema_has_defaults_as_they_are_written_and_none_where_there_is_none():
+    profile = DEFINITIONS["Profile"]["properties"]
+    assert profile["stale_after"]["default"] == "10s"
+    assert "default" not in FLEET["properties"]["fleet"]
+
+
 # Wrong only together with the rest of the file.
 BETWEEN_ENTRIES = {
     *("one-topic", "duplicate-robots", "profiles", "limits", "faults-order", "uplinks"),

@@ -196,6 +196,21 @@ def test_robots_that_a_person_takes_out_are_no_part_of_it():
     )
 
 
+def test_components_that_a_person_takes_out_are_no_part_of_it():
+    play(
+        (0, on_robots(SIX[:3], level, "camera", ERROR)),
+        (10, None, "began common/critical camera"),
+        (
+            20,
+            together(*(forget(robot, "camera") for robot in SIX[:2])),
+            "recovered common/critical camera",
+        ),
+        (30, None, "began component/critical r3 camera"),
+        robots=SIX,
+        settings=FaultSettings(common=CauseSettings(3, 0.5)),
+    )
+
+
 def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
     play(
         (0, on_robots(SIX, level, "camera", ERROR)),

@@ -203,12 +203,24 @@ def test_an_intermittent_fault_goes_on_for_its_time_once_its_component_is_receiv
     assert texts(last.go(700)) == ["recovered flapping/intermittent r1 motor"]
 
 
+def test_a_robot_that_flapped_comes_to_rest_in_time():
+    last = player(["r1"], FaultSettings())
+    flapping = Identity(Scope.ROBOT, State.FLAPPING, robot="r1")
+    assert adopt(last, 1, flapping) == ["began robot/flapping r1"]
+    assert texts(last.go(200)) == []
+    assert texts(last.go(5_000)) == ["recovered robot/flapping r1"]
+
+
 def test_what_is_known_here_is_not_adopted():
     last = broken_and_repaired()
     unknown = SILENT._replace(robot="r9")
     assert adopt(last, 61, MOTOR, unknown) == []  # ended here; no such robot
     last.faults.forget("r1", last.at(62))
     assert adopt(last, 63, SILENT) == []
+    for since, expected in ((62.0, []), (62.5, ["began robot/silent r1"])):
+        later = Fault(SILENT, WALL + since, WALL + since, {})
+        changes = last.go(64, lambda faults, now, later=later: faults.adopt(later, now))
+        assert texts(changes)[:1] == expected
     last.go(100, level("motor", ERROR))
     last.go(110)
     assert adopt(last, 111, MOTOR) == []  # lasts

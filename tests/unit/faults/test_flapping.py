@@ -58,3 +58,10 @@ def test_a_timer_after_one_interval_always_records(uptime, interval):
         assert history.slots.count(1) == recorded
 
     assert history.ratio == 0.0
+
+
+def test_the_times_of_as_many_changes_are_kept_as_there_are_between_the_states():
+    history = FlapHistory([0] * SLOTS, 0.0)
+    for second in range(1, 31):
+        history.change(second % 2, float(second), 60.0)
+    assert history.changed == tuple(map(float, range(11, 31)))

@@ -22,6 +22,7 @@ from support.fault_histories import (
     silent,
     texts,
     together,
+    unreachable,
 )
 
 ROBOTS = ("r1", "r2", "r3")
@@ -66,6 +67,14 @@ def test_a_robot_in_maintenance_is_left_out_unless_it_is_a_part_of_what_is_lost(
         (40, hall(maintenance("r2", planned=True))),
         (50, hall(level("lift", OK, "r2"))),
         (55, None),
+        robots=ROBOTS,
+    )
+
+
+def test_a_robot_that_is_not_reached_is_no_reserve_that_is_missing():
+    play(
+        (0, hall(unreachable("r1", is_so=True), silent("r1"))),
+        (300, None),
         robots=ROBOTS,
     )
 

@@ -110,6 +110,53 @@ def test_a_restarted_exporter_has_restart_grace_to_receive_its_robots():
     )
 
 
+def test_restarts_are_no_coming_and_going_of_robots():
+    steps = ((60 * n, restart(), back()) for n in range(1, 12))
+    play(
+        *((second + late, event) for second, *events in steps for late, event in enumerate(events))
+    )
+
+
+def test_what_is_absent_after_a_return_waits_for_the_robots_time_over_a_restart_too():
+    play(
+        (0, silent()),
+        (10, None, "began robot/silent r1"),
+        (20, back("r1", level("motor", STALE, confirm_after=3)), "recovered robot/silent r1"),
+        (25, check(2, 2)),
+        (29, None),
+        (30, None, "began component/stale r1 motor"),
+    )
+
+
+def test_a_wall_clock_that_was_set_back_over_a_restart_keeps_nothing_from_coming_to_rest():
+    last = player(["r1"], FaultSettings())
+    for second in range(14):
+        last.go(second, level("motor", OK if second % 2 else ERROR))
+    assert [each.identity.state for each in last.faults.faults()] == ["flapping"]
+    last.reborn(15, set_back=9_000)
+    assert texts(last.go(-8_000)) == ["recovered flapping/flapping r1 motor"]
+
+
+def test_a_second_restart_is_settled_as_the_first_would_have_been():
+    last = player(["r1"], FaultSettings())
+    last.reborn(50)
+    last.faults.started(last.at(50), 60.0)
+    last.reborn(60)
+    last.faults.started(last.at(60), 60.0)
+    assert [last.faults.settled(last.at(second)) for second in (89, 90)] == [False, True]
+
+
+def test_a_wall_clock_that_was_set_back_over_a_restart_confirms_nothing_earlier():
+    last = player(["r1"], FaultSettings())
+    last.go(20, level("camera", ERROR))
+    last.go(35, level("motor", ERROR))
+    last.reborn(40, set_back=30)
+    assert [each.since - WALL for each in last.faults.faults()] == [20]
+    assert texts(last.go(19)) == []
+    assert texts(last.go(20)) == ["began component/critical r1 motor"]
+    assert [each.since - WALL for each in last.faults.faults()] == [20, 10]
+
+
 def test_settled_once_restart_grace_is_over():
     last = player(["r1"], FaultSettings())
     last.go(0, restart())

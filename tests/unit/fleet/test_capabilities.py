@@ -8,6 +8,8 @@ import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.faults.model import PartName
+from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast
 from ros_diagnostics_exporter.model import Level, Status
 from ros_diagnostics_exporter.severity import state_of
 from support.state_driver import ERROR, OK, SETTLED, StateDriver
@@ -151,6 +153,14 @@ def test_a_component_that_the_robot_does_not_have_is_not_known_to_work(tmp_path)
     assert states(driver) == {"lift": "unknown"}
     publish(driver, Status(ERROR, "Lift"))
     assert states(driver) == {"lift": "lost"}
+
+
+def test_only_as_many_parts_are_missing_as_are_needed_beyond_those_that_there_are(tmp_path):
+    for k, missing in ((1, ()), (2, ()), (3, (MISSING,))):
+        text = PROFILES.replace("{any: Laser}", f"{{at_least: {{k: {k}, of: Laser}}}}")
+        driver = started(tmp_path, text)
+        lasers = (PartName(component="Laser 1"), PartName(component="Laser 2"))
+        assert driver.state.needs("r")["view"].wanted.need == AtLeast(k, (*lasers, *missing))
 
 
 def test_without_capabilities_there_is_nothing_of_them():

@@ -124,6 +124,14 @@ def test_of_a_value_that_falls_the_threshold_that_it_falls_to():
     assert (fields["value"]["beyond"], fields["value"]["threshold"]) == ("falling", 10.0)
 
 
+def test_the_value_that_ended_a_fault_is_that_of_its_end():
+    rule = ValueRule(key=re.compile("Charge"), thresholds=(Threshold("low", "critical", 10.0),))
+    values = ("Charge", "5 %"), ("Load", "7")
+    driver = after(12, MOTOR._replace(values=values), values=(rule,))
+    driver.raw(MOTOR._replace(values=(("Charge", "80 %"), ("Load", "7"))))
+    assert [end.message for end in driver.state.served()[1]] == ["80 %"]
+
+
 def test_of_a_check_how_many_were_found():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
     driver = after(12, MOTOR, checks=(motors,))
@@ -202,6 +210,10 @@ def test_the_fields_are_those_of_the_begin_also_after_a_restart_and_in_its_event
     assert details(driver) == before
     (began,) = [each for each in driver.events if each.kind == "fault_began"]
     assert began.details == before["critical", "Motor"]
+
+    last = after(12, HOT, before=(MOTOR,))
+    last.raw(MOTOR)
+    assert [each.details for each in last.events if each.kind == "fault_ended"] == [None]
 
     again = StateDriver(fleet=driver.state.fleet)
     again.now = driver.now

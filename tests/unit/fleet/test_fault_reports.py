@@ -257,6 +257,9 @@ def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_
     assert driver.fault_names() == set()
     driver.at(SETTLED + 32)
     assert driver.fault_names() == {("robot", "silent", "r")}
+    after = restarted(driver, driver.fault_rows())
+    after.at(SETTLED + 1_000)
+    assert after.fault_names() == {("robot", "silent", "r")}  # and it is not pending
     driver.state.update_graph(0, {}, driver.now)
     driver.at(SETTLED + 40)
     (problem,) = (p for p in driver.state.problems(driver.now) if p.fault is not None)
@@ -409,6 +412,8 @@ def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
 def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
     driver = StateDriver()
     driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
+    taken = [{row.kind for row in driver.state.take_fault_rows(driver.now)} for _ in range(2)]
+    assert ["downtimes" in kinds for kinds in taken] == [True, False]
     driver.raw_every(1, 60, MOTOR, LASER)
     fleet = driver.state.fleet
     driver.state.configure(replace(fleet, robots=()), driver.now)
@@ -512,8 +517,22 @@ def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
     driver.state.update_graph(0, {}, driver.now)
     driver.at(500)
     assert ("check", "critical", "r", "motors") in driver.fault_names()
+    assert not [*driver.robot.components]
     assert not restarted(driver, driver.fault_rows()).robot.declared
     driver.state.forget("r", None, driver.now)
+    assert driver.fault_names() == set()
+
+
+def test_a_discovered_robot_that_was_never_received_goes_with_its_publisher():
+    pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics")
+    found = Discovery(pattern, "/{robot}/diagnostics", profile=Profile(forget_after=100.0))
+    driver = StateDriver(fleet=Fleet("f", discoveries=(found,)))
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.at(500)
+    assert driver.fault_names() == {("robot", "silent", "r")}
+    driver.state.update_graph(0, {}, driver.now)
+    driver.at(700)
+    assert not driver.state.robots
     assert driver.fault_names() == set()
 
 
@@ -541,6 +560,19 @@ def test_without_its_database_a_process_goes_on_with_what_fires():
     assert after.fault_names() == set()
     ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
     assert ends == {"silent": "", "critical": "OK"}
+
+
+def test_a_person_forgets_what_fires_of_components_that_were_never_received_here():
+    before = settled(MOTOR, LASER)
+    before.stand(12, HOT, LASER)
+    after = without_database(before)
+    after.state.forget("no such", None, after.now)
+    after.at(after.now.mono + 1_000)
+    pending = {("robot", "pending", "r")}
+    assert after.fault_names() == {("component", "critical", "r", "Motor")} | pending
+    after.state.forget("r", None, after.now)
+    assert after.fault_names() == pending
+    assert [end.reason for end in after.state.served()[1] if end.fault] == ["removed"]
 
 
 def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
@@ -766,3 +798,14 @@ def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes(
         ("quiet", "unless Charger is OK"),
         ("judged", ""),
     ]
+
+
+def test_what_excuses_a_component_is_known_while_the_condition_and_the_robot_are():
+    charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
+    driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), when=(charging,)),))
+    driver.stand(2, HOT)
+    assert driver.component("Motor").quiet_because == ""
+    driver.stand(2, HOT, Status(WARN, "Charger"))
+    assert driver.component("Motor").quiet_because == "only when Charger is OK"
+    driver.at(driver.now.mono + 60)
+    assert driver.component("Motor").quiet_because == ""

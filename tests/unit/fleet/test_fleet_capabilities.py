@@ -9,6 +9,9 @@ import pytest
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.faults.model import Ability, PartName
+from ros_diagnostics_exporter.faults.needs import AtLeast, NeedView, WantedCapability
+from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.main import main
@@ -237,6 +240,15 @@ def test_metrics_snapshot_and_page_say_how_many_robots_can(hall):
     page = landing(fleet, "/metrics")
     assert "3 of 5 robots can, 1 lost, 1 unknown" in page
     assert "Can do" not in landing(fleet, "/metrics", "Lift")
+
+
+@pytest.mark.parametrize(("number", "more"), [(5, []), (7, ["and 2 more"])])
+def test_the_evidence_names_five_robots_and_how_many_more(number, more):
+    parts = {PartName(robot=f"r{n}", check="lift"): Ability.LOST for n in range(number)}
+    need = WantedCapability("lifting", AtLeast(1, tuple(parts)))
+    text = fleet_evidence(NeedView(Ability.LOST, need, parts, frozenset()))
+    named = [f"r{n} has lost lift" for n in range(5)]
+    assert text.split(";\n") == [f"0 of {number} robots can", *named, *more]
 
 
 def test_the_command_names_the_robots_that_would_lose_it(hall, serve, capsys):

@@ -262,6 +262,17 @@ def test_a_declared_robot_on_a_shared_topic_is_known_before_it_comes():
     assert driver.sample("robot_info", robot="r1", site="hall") == 1
 
 
+def test_a_robot_that_is_declared_on_a_shared_topic_leaves_the_others_of_it_alone():
+    driver = shared()
+    motors = [Status(OK, "Motor", hardware_id=f"r{n}") for n in (1, 2)]
+    receive(driver, *motors)
+    declared = tuple(Robot(f"r{n}", topic_raw="/diagnostics", source=Source.RAW) for n in (1, 3))
+    driver.state.configure(dataclasses.replace(driver.state.fleet, robots=declared), driver.now)
+    receive(driver, *motors)
+    messages = driver.samples()["robot_messages_total"].items()
+    assert {dict(labels)["robot"]: n for labels, n in messages} == {"r1": 2, "r2": 2, "r3": 0}
+
+
 def test_an_aggregate_shared_by_robots_is_complete_for_each_of_them():
     settings = Shared("/diagnostics_agg", raw=False)
     driver = StateDriver(fleet=Fleet("f", shared=(settings,)))

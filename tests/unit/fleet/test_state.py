@@ -97,6 +97,12 @@ def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():
     assert driver.state.wanted_topics(0) == {"/r/diagnostics_agg": False}
 
 
+def test_the_addresses_are_those_of_the_config_and_empty_without_one():
+    robots = (Robot("r", address="10.0.0.1"), Robot("s"))
+    state = StateDriver(fleet=Fleet("f", robots)).state
+    assert state.addresses() == {"r": "10.0.0.1", "s": ""}
+
+
 def test_a_topic_without_publisher_is_no_robot():
     driver = discovering()
     driver.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(0)}, driver.now)

@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, UnmatchedWatch
-from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
 
@@ -50,6 +50,7 @@ def received(driver: StateDriver, seconds: float) -> list[dict[str, str]]:
     for at in range(int(driver.now.mono) + 30, int(seconds) + 1, 30):
         driver.at(at)
         driver.raw(MOTOR)
+        driver.state.find_unmatched(driver.now)  # while the motor is OK: before, it was STALE
         driver.state.tick(driver.now)
     return list(fleet_snapshot(driver.state, driver.now)["unmatched"])
 
@@ -100,11 +101,18 @@ def test_what_matches_nothing_is_reported_after_five_minutes(tmp_path, caplog, r
 def test_the_five_minutes_are_over_at_their_end():
     watch, entry = UnmatchedWatch(), Unmatched("check", "motors: Mottor")
     reported = []
-    for seconds in (0.0, GRACE - 1, GRACE):
+    for seconds in (0.0, 299.0, 300.0):
         watch.update([entry], Instant(seconds, seconds))
         reported.append(watch.entries)
 
     assert reported == [(), (), (entry,)]
+
+
+def test_a_shared_topic_on_which_no_robot_was_found_is_reported(tmp_path):
+    driver = driver_of(tmp_path, f"{MATCHING}shared: [{{topic: /a/d}}, {{topic: /b/d}}]")
+    status = MOTOR._replace(hardware_id="r2")
+    driver.state.receive(Topic(0, "/a/d"), Array(0.0, (status,), 100), driver.now)
+    assert received(driver, 2 * GRACE) == [{"what": "shared", "entry": "/b/d", "nearest": ""}]
 
 
 def test_nothing_is_reported_until_something_was_received(tmp_path):

@@ -218,7 +218,6 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_level": [1, 2, 3, 3],
         "component_maintenance": [1],
         "component_message_info": [1] * 4,
-        "component_monitored_value": [21.5],
         "component_planned_stale": [1],
         "component_problem_level": [1, 2, 3, 3],
         "component_problem_since_timestamp_seconds": [begin, begin, begin, begin + 1],
@@ -317,9 +316,8 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
 
     promoted = driver.sample("ros_charge_ratio", key="Charge")
     value = driver.sample("component_value", key="Charge", unit="ratio")
-    monitored = driver.sample("component_monitored_value", key="Charge", unit="ratio")
     bound = driver.sample("component_value_threshold", key="Charge", unit="ratio")
-    assert (promoted, value, monitored, bound) == (0.17, 0.17, 0.17, 0.2)
+    assert (promoted, value, bound) == (0.17, 0.17, 0.2)
 
 
 def test_values_of_a_stale_component_are_not_shown():
@@ -327,7 +325,7 @@ def test_values_of_a_stale_component_are_not_shown():
     driver.at(10)
 
     assert driver.sample("component_level", component="Battery") == STALE
-    assert not {"component_value", "component_monitored_value"} & driver.samples().keys()
+    assert "component_value" not in driver.samples()
 
     driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", (("Voltage", "25 V"),))]))
     assert driver.sample("component_value", component="Battery", key="Voltage") == 25

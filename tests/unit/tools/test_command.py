@@ -280,6 +280,7 @@ exporters:
 def test_exporters_have_names_and_the_first_is_the_default(asked, tmp_path):
     assert main(["faults"]) == 3
     (tmp_path / "ros-diagnostics.yml").write_text(NAMED)
+    (tmp_path / "south.pw").write_text("secret")
     for arguments in ([], ["--url", "south"], ["--url", "http://east:1"]):
         assert main(["faults", *arguments]) == 3
     assert main(["ack", "--list", "-u", "north"]) == 3
@@ -288,6 +289,15 @@ def test_exporters_have_names_and_the_first_is_the_default(asked, tmp_path):
         *("http://127.0.0.1:9877", "http://north:1", "http://south:1", "http://east:1"),
         *("http://north:2", "http://other:2"),
     ]
+
+
+@pytest.mark.parametrize("flag", ["password-file", "ca-file", "cert-file", "key-file"])
+def test_a_file_that_cannot_be_read_is_a_wrong_argument(asked, tmp_path, capsys, flag):
+    missing = tmp_path / "missing"
+    assert main(["faults", "--url", "https://north:1", f"--{flag}", str(missing)]) == 2
+    said = f"{flag.replace('-', '_')}: {missing}: no such file, or it cannot be read"
+    assert said in capsys.readouterr().err
+    assert asked == []
 
 
 @pytest.mark.parametrize(

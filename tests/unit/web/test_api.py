@@ -9,6 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
+from ros_diagnostics_exporter.web.app import openapi
 from support.web_server import ask, broken, component, fleet, robot
 
 MOTOR = component("Motor 1", "ERROR")
@@ -338,6 +339,8 @@ def test_a_message_that_is_too_large_or_wrong_or_of_another_site_is_rejected(ser
 
     server = serve(notified=notified)
     path = "/api/v1/notifications"
+    description = openapi("/metrics")["paths"][path]["post"]["requestBody"]["description"]
+    assert f"of at most {api.MAX_BODY / (1 << 20):g} MiB" in description
     assert ask(server, path, "POST", body=b"x" * (api.MAX_BODY + 1)).status == 413
     assert ask(server, path, "POST", body=b"x" * api.MAX_BODY).status == 400
     wrong = ask(server, path, "POST", body=b"{}")

@@ -187,6 +187,7 @@ def test_chunks_are_the_same_bytes_and_not_long(pieces, size):
         chunks = [*in_chunks(pieces)]
     assert b"".join(chunks) == b"".join(pieces)
     assert all(len(chunk) <= size for chunk in chunks)
+    assert all(chunks) or b"" in pieces
     assert sum(len(chunk) < size for chunk in chunks) <= len(pieces)
 
 
