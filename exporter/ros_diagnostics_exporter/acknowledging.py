@@ -95,7 +95,7 @@ class Acknowledgeable:
     @property
     def name(self) -> str:
         """Fleet and part, safe to print."""
-        return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
+        return one_line(f"{self.labels.get('fleet', '')}/{self.part}".removesuffix("/"))
 
 
 def problems(alerts: Iterable[dict[str, Any]]) -> list[Acknowledgeable]:

@@ -5,6 +5,7 @@ The silences are those of `acknowledging`, as a form on the exporter's page make
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
@@ -152,7 +153,7 @@ def _acknowledge(
             continue
         body = silence(problem, author, comment, start, lasts)
         made = client.post("/api/v2/silences", body)
-        since = f" since {problem.since}," if problem.since else ""
+        since = f" since {_second(problem.since)}," if problem.since else ""
         text = f"acknowledged: {problem.name} {problem.state}{since} until {_minute(body)} UTC"
         at_most = " at the latest" if problem.since else ""
         done.append(_done(problem, {**body, "id": (made or {}).get("silenceID")}, text + at_most))
@@ -194,6 +195,11 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
+def _second(since: str) -> str:
+    """A time of an annotation as mails have it: without its fraction."""
+    return re.sub(r"(\.[0-9]+)? [+]0000 UTC", " UTC", since)
+
+
 def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
@@ -224,7 +230,7 @@ def _list(client: Client, fleet: str | None, output: str) -> None:
         print_json(known)
         return
     for each in known:
-        about = (each["fleet"], each["part"], each["state"], each["since"])
+        about = (each["fleet"], each["part"], each["state"], _second(each["since"]))
         table.add_row(*cells((*about, each["author"] or "nobody", each["comment"])))
     make_console().print(table)
 
