@@ -7,7 +7,7 @@ exporter's families of the week and `ros-diagnostics report --week` have these n
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from datetime import datetime, timedelta, timezone, tzinfo
+from datetime import date, datetime, timedelta, timezone, tzinfo
 from itertools import chain, takewhile
 from statistics import median
 from typing import Any
@@ -158,14 +158,19 @@ def notified(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list
 
 def by_night(sent: Iterable[float], begin: float, end: float, zone: tzinfo) -> dict[str, int]:
     """How many of these were sent in each night; a night has the date of its evening."""
-    first, last = (datetime.fromtimestamp(each, zone).date() for each in (begin, end - 1))
+    first, last = datetime.fromtimestamp(begin, zone).date(), _evening(end - 1, zone)
     found = {str(first + timedelta(days=n)): 0 for n in range((last - first).days + 1)}
     for at in sent:
-        then = datetime.fromtimestamp(at, zone)
-        evening = then.date() if then.hour >= EVENING else then.date() - timedelta(days=1)
+        then, evening = datetime.fromtimestamp(at, zone), _evening(at, zone)
         if then.hour >= EVENING or then.hour < MORNING:
             found[str(evening)] = found.get(str(evening), 0) + 1
     return dict(sorted(found.items()))
+
+
+def _evening(at: float, zone: tzinfo) -> date:
+    """The date of the last evening that had begun then."""
+    then = datetime.fromtimestamp(at, zone)
+    return then.date() if then.hour >= EVENING else then.date() - timedelta(days=1)
 
 
 def _is_in(at: float | None, begin: float, end: float) -> bool:

@@ -104,6 +104,9 @@ def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     nights = report.by_night(found, midnight - 172_800, midnight + 172_800, zone)
     known = {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1, "2024-10-05": 0}
     assert nights == known
+    for hour, last in ((6, "2024-10-03"), (22, "2024-10-03"), (22.1, "2024-10-04")):
+        week = report.by_night([], midnight - 172_800, midnight + hour * 3_600, zone)
+        assert [*week] == [each for each in known if "2024-10-02" <= each <= last]
 
 
 def test_nights_are_those_of_the_hosts_time_zone(monkeypatch):
