@@ -50,14 +50,14 @@ class CompareOptions:
     epilog="""\b
 Example:
   ros-diagnostics nagios compare /var/log/nagios4/nagios.log \\
-      /var/log/nagios4/archives/*.log --since 14d --service motors=Motor
+      /var/log/nagios4/archives/*.log --since 14d --service Motors=Motor
 """,
 )
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option(
     "--service",
     multiple=True,
-    type=NamedPair("service", "SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"),
+    type=NamedPair("service", "SERVICE=PATTERN, such as Motors=Motor for a service with -N Motor"),
     metavar="NAME=PATTERN",
     help="The service of Nagios that checks with -N PATTERN; repeatable.  [default: the pattern is "
     "the service's name]",
@@ -138,7 +138,7 @@ def _compare(
         within=options.within,
     ).between(since, until)
     others = len(theirs.notices) - len(compared)
-    notes = dict(_notes(theirs, others))
+    notes = dict(_notes(theirs, others, options.service))
     if options.output == "json":
         content = {"since": since, "until": until, **_content(found), "notes": notes}
         print_json(content)
@@ -152,10 +152,13 @@ def _span(
 ) -> tuple[float, float]:
     """The time that both sides were recorded in, or the part of it that is asked for."""
     first = min((each["time"] for each in events if "time" in each), default=theirs.begin)
-    since = theirs.begin if options.since is None else options.since.timestamp()
-    if options.since is None and first - options.within > since:
-        since = first - options.within  # the record here begins later than Nagios' log
-    until = theirs.end if options.until is None else options.until.timestamp()
+    # The record here may begin later than Nagios' log, or what is asked for before both.
+    since = max(theirs.begin, first - options.within)
+    if options.since is not None:
+        since = max(since, options.since.timestamp())
+    until = theirs.end
+    if options.until is not None:
+        until = min(until, options.until.timestamp())
     if since > until:
         raise log.LogError(
             f"nothing to compare: from {_clock(since)} is after {_clock(until)}; Nagios' log has "
@@ -168,7 +171,14 @@ def _within(notices: Iterable[Notice], since: float, until: float) -> list[Notic
     return [each for each in notices if since <= each.time <= until]
 
 
-def _notes(theirs: log.Log, others: int) -> Iterable[tuple[str, str]]:
+def _notes(
+    theirs: log.Log, others: int, services: Iterable[tuple[str, str]]
+) -> Iterable[tuple[str, str]]:
+    notified = sorted({each.service for each in theirs.notices if each.service})
+    for name, _pattern in services:
+        if name not in notified:
+            names = ", ".join(notified) or "no service"
+            yield f"service {name}", f"no notification of Nagios has it; there are some of {names}"
     if others:
         yield "hosts that are no robots here", f"{others} notifications of Nagios not compared"
     for kind, count in sorted(theirs.skipped.items()):

@@ -342,3 +342,22 @@ def test_what_follows_right_after_the_end_of_the_time_belongs_to_it(site):
     code, found = site.compare("--until", "2026-01-01 00:01:42")
 
     assert (code, found["same"], found["only_here"]) == (0, 1, [])
+
+
+def test_what_was_notified_before_nagios_log_begins_is_not_compared(site):
+    site.here(-3000, component="Laser 1", group="/Laser")
+    site.nagios(5000, "CRITICAL")
+    site.here(5005)
+
+    code, found = site.compare("--since", "2025-12-01")
+
+    assert (code, found["same"], found["only_here"]) == (0, 1, [])
+
+
+def test_a_service_that_the_log_does_not_have_is_named(site):
+    site.nagios(100, "CRITICAL")
+    site.here(105)
+
+    _code, found = site.compare("--service", "no such one=Motor")
+
+    assert found["notes"]["service no such one"].startswith("no notification of Nagios has it;")
