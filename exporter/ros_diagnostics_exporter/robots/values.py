@@ -162,10 +162,10 @@ class ExportedValue:
 
     @property
     def series(self) -> int:
-        """How many series it has, with those of its thresholds and the copy that the rules read."""
+        """How many series it has, with those of its thresholds."""
         if self.rule is None or not self.rule.thresholds:
             return 1
-        return (self.metric is not None) + 2 + len(self.rule.thresholds)
+        return (self.metric is not None) + 1 + len(self.rule.thresholds)
 
     @property
     def beyond(self) -> list[Threshold]:

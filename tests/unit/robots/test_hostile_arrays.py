@@ -370,7 +370,7 @@ def test_a_value_with_thresholds_counts_as_the_series_that_it_has():
 
     of_values = [name for name in driver.samples() if "value" in name]
     served = sum(len(driver.samples()[name]) for name in of_values)
-    assert driver.component("Motor").values.all[0].series == served == 4
+    assert driver.component("Motor").values.all[0].series == served == 3
 
 
 def send_and_read(driver, *statuses):
