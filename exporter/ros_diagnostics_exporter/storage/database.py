@@ -176,7 +176,10 @@ class Database:
 
     def _set_up(self) -> None:
         connection = self._connection
-        found = set(self._ask("SELECT sql FROM sqlite_master WHERE sql <> ''"))
+        try:
+            found = set(self._ask("SELECT sql FROM sqlite_master WHERE sql <> ''"))
+        except UnicodeDecodeError as error:  # of SQLite's message, which quotes the schema
+            raise DamagedError("its schema is not UTF-8") from error
         if found:  # then before anything in it is changed
             self._check_version()
         connection.execute("PRAGMA journal_mode = WAL")

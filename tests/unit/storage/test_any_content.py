@@ -154,6 +154,14 @@ def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(wh
         use(Path(folder))
 
 
+def test_a_schema_that_is_no_text_does_not_stop_the_start(whole, tmp_path):
+    raw = (whole / "live").read_bytes()
+    schema = b"CREATE TABLE robots "
+    assert raw.count(schema + b"(") == 1
+    (tmp_path / "state").write_bytes(raw.replace(schema + b"(", schema + b"\x80"))
+    use(tmp_path)
+
+
 def test_a_file_cut_off_anywhere_is_survived(whole, tmp_path):
     raw = (whole / "live").read_bytes()
     for length in range(0, len(raw), 4093):
