@@ -12,6 +12,7 @@ import hypothesis
 import pytest
 
 from support import skips, time_budget
+from support.state_driver import OPENED
 from testbed import domains, ports
 from testbed.processes import Process
 
@@ -83,6 +84,14 @@ def _root_logger() -> Iterator[None]:
     yield
     root.handlers[:] = before
     root.setLevel(level)
+
+
+@pytest.fixture(autouse=True)
+def _databases() -> Iterator[None]:
+    """What a test opened is closed; Python 3.13 warns of what is not."""
+    yield
+    while OPENED:
+        OPENED.pop().close()
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ WALL = 1_700_000_000.0
 SETTLED = 40.0  # seconds after which restart_grace is over
 MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
 LASER = Status(OK, "Laser 1", "OK")
+OPENED: set[Storage] = set()  # with a database that may be open; conftest.py closes them
 
 
 def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
@@ -84,6 +85,7 @@ class StateDriver:
     def save(self, *, at_once: bool = False) -> None:
         """Write what changed, as the exporter does."""
         assert self.storage is not None
+        OPENED.add(self.storage)
         assert self.events is not None  # they are in the log now
         self.storage.save(self.state, self.log, self.now, at_once=at_once)
 
@@ -99,6 +101,7 @@ class StateDriver:
         # The monotonic clock of the new process is another one.
         driver.now = Instant(0.0, self.now.wall + after)
         driver.storage = Storage(path)
+        OPENED.add(driver.storage)
         last = driver.storage.load(driver.state, driver.now)
         driver.log = EventLog(last, driver.storage.find_events)
         return driver

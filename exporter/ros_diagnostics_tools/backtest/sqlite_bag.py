@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 from urllib.parse import quote
 
@@ -21,18 +22,21 @@ class SqliteBag:
         self.warnings: list[str] = []
         # A log beside it has the last messages; without one, the folder may be read-only.
         how = "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
-        try:
-            self._file = sqlite3.connect(f"file:{quote(str(path))}?{how}", uri=True)
-            self._read_topics()
-        except sqlite3.Error as error:
-            raise RecordingError(
-                f"{path}: cannot be read as a bag: {shortened(error)}; {self._way_out}"
-            ) from error
-        self._salvaged: list[tuple[int, int, bytes]] | None = None
-        try:
-            self._read_size()
-        except sqlite3.Error as error:
-            self._salvage(error)
+        with ExitStack() as stack:
+            try:
+                connection = sqlite3.connect(f"file:{quote(str(path))}?{how}", uri=True)
+                self._file = stack.enter_context(closing(connection))
+                self._read_topics()
+            except sqlite3.Error as error:
+                raise RecordingError(
+                    f"{path}: cannot be read as a bag: {shortened(error)}; {self._way_out}"
+                ) from error
+            self._salvaged: list[tuple[int, int, bytes]] | None = None
+            try:
+                self._read_size()
+            except sqlite3.Error as error:
+                self._salvage(error)
+            stack.pop_all()  # it can be read, and stays open
 
     def _read_topics(self) -> None:
         self._names: dict[int, str] = {}

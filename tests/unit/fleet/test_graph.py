@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,7 +154,8 @@ def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
     assert driver.faults() == [("node amcl", "critical")]
     driver.keep(tmp_path / "state.db").close()
     again = Driver(fleet=fleet())
-    Storage(tmp_path / "state.db").load(again.state, again.now)
+    with closing(Storage(tmp_path / "state.db")) as storage:
+        storage.load(again.state, again.now)
     again.go_on(300, "diag")
     assert again.faults() == [("node amcl", "critical")]
     assert not [each for each in again.events if each.kind == "fault_ended"]
@@ -169,7 +171,8 @@ def restarted(driver: Driver, site: Fleet, path: Path, away: float) -> Driver:
     driver.keep(path).close()
     again = Driver(fleet=site)
     again.at(driver.now.mono + away)
-    Storage(path).load(again.state, again.now)
+    with closing(Storage(path)) as storage:
+        storage.load(again.state, again.now)
     return again
 
 

@@ -294,6 +294,7 @@ def robots_of_a_shared_topic(size: int) -> Callable[[], object]:
     ],
 )
 def test_twice_as_much_costs_twice_as_much(attack):
+    steps(attack(10))  # Python 3.13 counts all instructions of a function from its second trace on
     once, twice = steps(attack(150)), steps(attack(300))
     assert twice < 2.2 * once
 

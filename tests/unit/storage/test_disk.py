@@ -154,7 +154,8 @@ def test_two_exporters_do_not_share_a_database(path):
     ):
         other.load(state, driver.now)
     driver.close()
-    other.load(state, driver.now)
+    with closing(other):
+        other.load(state, driver.now)
 
 
 # -- writing ---------------------------------------------------------------------------------
