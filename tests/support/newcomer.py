@@ -25,7 +25,9 @@ from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.processes import Process
 
-IGNORED = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", "data", "dist")
+IGNORED = shutil.ignore_patterns(
+    *(".git", ".venv*", ".hypothesis", "__pycache__", ".*_cache", "data", "dist")
+)
 # Brings up the loopback device (ioctl of netdevice(7)), mounts, and waits.
 START = """
 python3 - <<'END'

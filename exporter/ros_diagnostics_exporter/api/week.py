@@ -158,18 +158,19 @@ def notified(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list
 
 def by_night(sent: Iterable[float], begin: float, end: float, zone: tzinfo) -> dict[str, int]:
     """How many of these were sent in each night; a night has the date of its evening."""
-    first, last = datetime.fromtimestamp(begin, zone).date(), _evening(end - 1, zone)
+    first = datetime.fromtimestamp(begin, zone).date()
+    last = _evening(datetime.fromtimestamp(end - 1, zone))
     found = {str(first + timedelta(days=n)): 0 for n in range((last - first).days + 1)}
     for at in sent:
-        then, evening = datetime.fromtimestamp(at, zone), _evening(at, zone)
+        then = datetime.fromtimestamp(at, zone)
         if then.hour >= EVENING or then.hour < MORNING:
-            found[str(evening)] = found.get(str(evening), 0) + 1
+            evening = str(_evening(then))
+            found[evening] = found.get(evening, 0) + 1
     return dict(sorted(found.items()))
 
 
-def _evening(at: float, zone: tzinfo) -> date:
+def _evening(then: datetime) -> date:
     """The date of the last evening that had begun then."""
-    then = datetime.fromtimestamp(at, zone)
     return then.date() if then.hour >= EVENING else then.date() - timedelta(days=1)
 
 

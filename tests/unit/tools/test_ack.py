@@ -253,6 +253,12 @@ def test_only_a_fault_ends_its_acknowledgement_so_others_are_short(server, capsy
     assert second.endswith(" UTC at the latest")
 
 
+def test_an_alert_of_a_whole_fleet_is_named_by_the_fleet(server, capsys):
+    server.alerts = [alert("NoExporter", None, fleet="f", severity="critical")]
+    assert run("--alert", "NoExporter") == 0
+    assert capsys.readouterr().out.startswith("acknowledged: f NoExporter until 20")
+
+
 def _days(silence: dict[str, Any]) -> float:
     start, end = (datetime.fromisoformat(silence[name]) for name in ("startsAt", "endsAt"))
     return (end - start).total_seconds() / 86_400
