@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.storage import storage
 from ros_diagnostics_exporter.storage.database import MAGIC, VersionError, is_damage
 from support.state_driver import ERROR, OK, StateDriver
 
@@ -241,3 +242,18 @@ def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(path, c
     after = driver.restart(path)
     assert len(after.robot.components) == 51
     assert after.component("Motor").before_stale == OK
+
+
+def test_of_a_damaged_file_the_newest_events_are_taken_over(path, written, edit, monkeypatch):
+    assert storage.MAX_SALVAGED == 10_000
+    monkeypatch.setattr(storage, "MAX_SALVAGED", 2)
+    of_file = list(written.log.find(Wanted()))
+    assert len(of_file) > 2
+    edit("UPDATE robots SET data = '{}' WHERE name = 's'")
+    after = written.restart(path)
+    after.save()
+
+    with closing(sqlite3.connect(path)) as connection:
+        ids = [number for (number,) in connection.execute("SELECT id FROM events ORDER BY id DESC")]
+    assert ids[-2:] == [each["id"] for each in of_file[:2]]
+    assert ids[0] > of_file[0]["id"]
