@@ -60,7 +60,9 @@ def test_the_dashboards_are_beside_those_of_others(tmp_path: Path, way: str):
             person.does(FOLDER)
         start(person)
         json_ = "--header 'Content-Type: application/json'"
-        person.does(f"{ADMIN}/dashboards/db {json_} --data '{json.dumps(OWN)}'")
+        # Grafana is healthy before it can save a dashboard.
+        save = f"{ADMIN}/dashboards/db {json_} --data '{json.dumps(OWN)}'"
+        person.until_output(save, '"status":"success"')
         if way == "API":
             person.does(API)
         names = {each.stem for each in (CHECKOUT / "grafana" / "dashboards").glob("*.json")}
