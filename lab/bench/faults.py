@@ -52,7 +52,7 @@ class _Fleet:
     def __init__(self) -> None:
         self.second = 0.0
         self.faults = Faults(FaultSettings())
-        self.faults.started(self.now())
+        self.faults.started(self.now(), 0.0)
         for robot in ROBOTS:
             settings = RobotSettings({"site": "hall", "team": "red"})
             self.faults.configure_robot(robot, settings, self.now(), declared=True)

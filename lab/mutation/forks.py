@@ -10,7 +10,6 @@ import os
 import resource
 import signal
 import sys
-import time
 from collections.abc import Callable, Generator
 from functools import _lru_cache_wrapper
 from pathlib import Path
@@ -23,8 +22,8 @@ import pytest
 OUTPUT = Path("output.txt")  # of the last run
 LEFT_OUT = "tests/unit/storage/test_killed.py"  # programs that are killed, for half a minute
 MEMORY = 4 << 30  # bytes: a mutant may ask for all there are
-WAITING = 120  # seconds: a mutant may wait for ever; what only is slow ends by its processor time
-SLOWER = 3  # times what the tests took without a mutant, after which a mutant counts as killed
+WAITING = 60  # seconds: a mutant may wait for ever; what only is slow ends by its processor time
+SLOWER = 3  # times what its tests took without a mutant, after which a mutant counts as killed
 REACHING = 25  # examples of a property that show which statements it reaches
 OPTIONS = (
     *("-q", "-x", "-p", "no:cacheprovider"),
@@ -44,7 +43,7 @@ class Tests:
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self._source = folder, source
         # Without a mutant, tests may take as long as they do on this machine, however busy it is.
-        self._limit, self._waiting = resource.RLIM_INFINITY, 0
+        self._limit, self._slower = resource.RLIM_INFINITY, 0
         measured = Path("measured.json")
         os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
         status, _ = self._fork(lambda: self._measure(measured))
@@ -57,12 +56,10 @@ class Tests:
         for name in found["imported"]:
             with contextlib.suppress(ImportError):
                 importlib.import_module(name)
-        began = time.monotonic()
         status, used = self._run(self._all)
         if status:
             sys.exit(f"the tests of {folder} fail in a fork:\n{OUTPUT.read_text()}")
-        self._limit = int(10 + SLOWER * used)
-        self._waiting = int(WAITING + SLOWER * (time.monotonic() - began))
+        self._limit, self._slower = int(10 + SLOWER * used), SLOWER
 
     def reaching(self, path: Path, lines: range) -> list[str]:
         """The tests that execute one of these lines; all for those that an import executes."""
@@ -76,7 +73,8 @@ class Tests:
 
     def _run(self, tests: list[str]) -> tuple[int, float]:
         files = sorted({_file(test) for test in tests}, key=self._seconds.__getitem__)
-        options = [*OPTIONS, f"--timeout={self._waiting}", *files]
+        longest = self._slower * max(map(self._seconds.__getitem__, files))
+        options = [*OPTIONS, f"--timeout={longest and WAITING + longest}", *files]
         return self._fork(lambda: pytest.main(options, [_Chosen(tests)]))
 
     def _measure(self, report: Path) -> int:

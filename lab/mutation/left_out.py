@@ -18,6 +18,8 @@ _KINDS = (
     ("ReplaceTrueWithFalse", r"\bzip\(.*, strict=$", ""),
     # Who assigns to a field of a frozen dataclass learns it from mypy.
     ("ReplaceTrueWithFalse", r"^@dataclass\([^()]*\bfrozen=$", ""),
+    # Records are compared as objects, or not at all; one that is hashed could not be with eq=True.
+    ("ReplaceFalseWithTrue", r"^@dataclass\([^()]*\b(eq|repr)=$", ""),
     # Up to the mark that was read last, everything is read: reading it again gives the same.
     ("ReplaceComparisonOperator_Gt_GtE", "", r"> (self\.|reports\.)?_?read\b(?!\[)"),
     # These are for the type checker alone.

@@ -103,7 +103,7 @@ def unreachable(*robots: str, is_so: bool) -> Event:
 
 def restart() -> Event:
     """The exporter was killed, and starts with what it had written."""
-    return lambda faults, now: faults.started(now)
+    return lambda faults, now: faults.started(now, 0.0)
 
 
 def robot_settings(

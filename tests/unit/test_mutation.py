@@ -53,6 +53,8 @@ def test_each_class_that_is_caught_is_replaced_alone():
         ("ReplaceComparisonOperator_Gt_Lt", "if at[Mark.NAMES] > self._read:", ">", False),
         ("ReplaceComparisonOperator_Gt_GtE", 'if each["id"] > self._read[kind]:', ">", False),
         ("ReplaceComparisonOperator_Gt_GtE", "if at > already:", ">", False),
+        ("ReplaceFalseWithTrue", "@dataclass(slots=True, eq=False, repr=False)", "False,", True),
+        ("ReplaceFalseWithTrue", "@dataclass(slots=False, eq=False)", "False,", False),
         ("RemoveDecorator", "    @overload", "@", True),
         ("RemoveDecorator", "    @override", "@", True),
         ("RemoveDecorator", "    @property", "@", False),

@@ -82,7 +82,7 @@ class Faults:
 
     # -- time --------------------------------------------------------------------------------
 
-    def started(self, now: Instant, longest_confirm_after: float = 0.0) -> list[Change]:
+    def started(self, now: Instant, longest_confirm_after: float) -> list[Change]:
         """Note that the process has started: nothing is received yet, and restart_grace begins.
 
         To be called first, after `restore` and before time passes. Without the rows of a former

@@ -159,8 +159,7 @@ def views(book: Book) -> dict[str, NeedView]:
 def _ability(book: Book, part: PartName) -> Ability:
     robot = book.robots.get(part.robot)
     capability = None if robot is None else robot.capabilities.get(part.check)
-    up = robot is not None and robot.up
-    return capability.ability if capability is not None and up else Ability.UNKNOWN
+    return Ability.UNKNOWN if capability is None else capability.ability
 
 
 def _is_maintained(book: Book, part: PartName) -> bool:

@@ -178,8 +178,11 @@ class Database:
         connection = self._connection
         try:
             found = set(self._ask("SELECT sql FROM sqlite_master WHERE sql <> ''"))
-        except UnicodeDecodeError as error:  # of SQLite's message, which quotes the schema
-            raise DamagedError("its schema is not UTF-8") from error
+        except (UnicodeDecodeError, sqlite3.DatabaseError) as error:
+            # Of SQLite's message, which quotes the schema; Python 3.10 leaves the message out.
+            if isinstance(error, UnicodeDecodeError) or not str(error):
+                raise DamagedError("its schema is not UTF-8") from error
+            raise
         if found:  # then before anything in it is changed
             self._check_version()
         connection.execute("PRAGMA journal_mode = WAL")

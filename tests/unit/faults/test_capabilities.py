@@ -316,6 +316,17 @@ def test_a_part_that_flaps_is_as_good_as_at_its_worst():
     assert last.faults.abilities("r1")["view"].ability is Ability.OK
 
 
+def test_what_is_lost_explains_no_changes_of_what_is_no_part_of_it():
+    history(
+        can,
+        (0, level(MOTOR, ERROR)),
+        (10, None, f"began {LOST} drive"),
+        *((second, level("fan", to)) for second, to in ((20, ERROR), (22, OK), (400, ERROR))),
+        (402, level("fan", OK)),
+        (412, None, "began flapping/intermittent r1 fan"),
+    )
+
+
 def test_a_value_and_a_check_are_parts():
     history(
         Can(CHARGE),

@@ -185,6 +185,23 @@ def test_a_restart_is_no_outage_of_a_site():
     play((0, sites(*SIX, site="hall")), (10, restart()), (35, on_robots(SIX, back)), (500, None))
 
 
+def test_a_robot_in_maintenance_that_moves_to_another_site_is_no_part_of_that_ones_silence():
+    hall, yard = SIX[:3], SIX[3:]
+    play(
+        (0, together(sites(*hall, site="hall"), sites(*yard, site="yard"))),
+        (10, on_robots(hall, silent)),
+        (20, None, "began site/silent hall"),
+        (30, maintenance("r1", planned=True)),
+        (40, sites("r1", site="yard")),
+        (50, on_robots(yard, silent)),
+        (60, None, "began site/silent yard"),
+        (70, together(back("r4"), back("r5")), "recovered site/silent yard"),
+        (75, back("r6")),
+        settings=FaultSettings(site=CauseSettings(3, 0.5)),
+        robots=SIX,
+    )
+
+
 def test_robots_that_a_person_takes_out_are_no_part_of_it():
     play(
         (0, sites(*SIX, site="hall")),

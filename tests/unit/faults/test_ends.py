@@ -40,7 +40,7 @@ def served(faults: Faults) -> list[str]:
 
 def started_again(last: Player, second: float) -> None:
     last.reborn(second)
-    assert texts(last.faults.started(last.at(second))) == []
+    assert texts(last.faults.started(last.at(second), 0.0)) == []
 
 
 def broken_and_repaired() -> Player:
@@ -242,6 +242,15 @@ def test_a_site_stays_silent_until_enough_robots_are_received(reborn):
     assert texts(last.go(10_001, back("r1"))) == []
     changes = last.go(10_002, *(back(robot) for robot in robots[1:]))
     assert texts(changes) == ["recovered site/silent hall"]
+
+
+def test_many_components_go_on_until_the_robot_had_time_to_report_them():
+    many = Identity(Scope.ROBOT, State.MANY, robot="r1", severity="critical")
+    last = fresh("r1")
+    assert adopt(last, 1, many) == ["began robot/many r1 critical"]
+    assert texts(last.go(100, back("r1", level("motor", OK)))) == []
+    assert texts(last.go(109)) == []
+    assert texts(last.go(110)) == ["recovered robot/many r1 critical"]
 
 
 def test_a_site_of_which_no_robot_is_known_yet_is_not_over():
