@@ -82,9 +82,10 @@ def moment(
         pass
     try:
         if _TIME_OF_DAY.fullmatch(text):
-            then = localize(datetime.fromisoformat(f"{now.date()} {text}"))
+            naive = datetime.fromisoformat(f"{now.date()} {text}")
+            then = localize(naive)
             days = int(then < now) if ahead else -int(then > now)
-            return then + timedelta(days=days)
+            return localize(naive + timedelta(days=days))
         then = datetime.fromisoformat(text.replace("Z", "+00:00"))  # Python 3.10 reads no Z
         return then if then.tzinfo else localize(then)
     except (ValueError, OverflowError, OSError) as error:

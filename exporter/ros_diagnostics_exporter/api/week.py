@@ -7,7 +7,7 @@ exporter's families of the week and `ros-diagnostics report --week` have these n
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from datetime import date, datetime, timedelta, timezone, tzinfo
+from datetime import date, datetime, timedelta, timezone
 from itertools import chain, takewhile
 from statistics import median
 from typing import Any
@@ -23,8 +23,8 @@ MOST_PARTS = 10
 EVENING, MORNING = 22, 6  # o'clock: what is between them is the night
 
 
-def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
-    """The numbers of the seven days until ``end`` (Unix time); ``zone`` is that of its nights."""
+def week(faults: Iterable[dict[str, Any]], end: float) -> Week:
+    """The numbers of the seven days until ``end`` (Unix time)."""
     found, begin = list(faults), end - WEEK
     sent = notified(found, begin, end)
     return Week(
@@ -33,7 +33,7 @@ def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
         to_recover(found, begin, end),
         len(sent),
         worst_parts(found, begin, end),
-        by_night(sent, begin, end, zone),
+        by_night(sent, begin, end),
     )
 
 
@@ -67,8 +67,7 @@ class Counting:
         kept = [sum(len(each[of]) for each in self._faults) for of in ("notified", "acknowledged")]
         if max(len(self._faults), *kept, *map(len, new.values())) >= MOST:
             return None
-        zone = datetime.fromtimestamp(wall, timezone.utc).astimezone().tzinfo
-        return week(known(self._faults, lasting), wall, zone or timezone.utc)
+        return week(known(self._faults, lasting), wall)
 
     def _new(self, kind: str, since: float) -> list[dict[str, Any]]:
         """Without their messages, which take most of the memory."""
@@ -156,17 +155,21 @@ def notified(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list
     )
 
 
-def by_night(sent: Iterable[float], begin: float, end: float, zone: tzinfo) -> dict[str, int]:
+def by_night(sent: Iterable[float], begin: float, end: float) -> dict[str, int]:
     """How many of these were sent in each night; a night has the date of its evening."""
-    first = datetime.fromtimestamp(begin, zone).date()
-    last = _evening(datetime.fromtimestamp(end - 1, zone))
+    first, last = local(begin).date(), _evening(local(end - 1))
     found = {str(first + timedelta(days=n)): 0 for n in range((last - first).days + 1)}
     for at in sent:
-        then = datetime.fromtimestamp(at, zone)
+        then = local(at)
         if then.hour >= EVENING or then.hour < MORNING:
             evening = str(_evening(then))
             found[evening] = found.get(evening, 0) + 1
     return dict(sorted(found.items()))
+
+
+def local(at: float) -> datetime:
+    """A Unix time by the clock of the host, which changes twice a year in many places."""
+    return datetime.fromtimestamp(at, timezone.utc).astimezone()
 
 
 def _evening(then: datetime) -> date:

@@ -100,7 +100,8 @@ def command(
         )
     else:
         print(  # noqa: T201
-            f"{converted.robots} robots; {', '.join(converted.texts)} written to {folder}/; "
+            f"{converted.robots} robot{'' if converted.robots == 1 else 's'}; "
+            f"{', '.join(converted.texts)} written to {folder}/; "
             f"{lost} lines have no full equivalent: see {REPORT}"
         )
     if not converted.robots:

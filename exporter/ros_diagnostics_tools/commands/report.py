@@ -112,7 +112,4 @@ def _ask(servers: Servers, prometheus: Client, until: datetime, target: float) -
     events = [each for kind in KINDS for each in exporter.events(since, kind=kind)]
     recorded = Recorded(prometheus, lasting["fleet"])
     faults = known(occurrences(events), lasting["faults"])
-    zone = until.astimezone().tzinfo
-    if zone is None:
-        raise TypeError("a time of the command line has a zone")
-    return numbers(recorded, faults, (end, lasting["events_since"]), target, zone)
+    return numbers(recorded, faults, (end, lasting["events_since"]), target)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import datetime, tzinfo
 from typing import Any
 
-from ros_diagnostics_exporter.api.week import week
+from ros_diagnostics_exporter.api.week import local, week
 from ros_diagnostics_exporter.texts import natural
 from ros_diagnostics_tools.report.availability import DAY, Availability, Recorded
 
@@ -18,7 +17,6 @@ def numbers(
     faults: list[dict[str, Any]],
     times: tuple[float, float | None],
     target: float,
-    zone: tzinfo,
 ) -> dict[str, Any]:
     """The report of the week until ``times[0]``, beside the week before.
 
@@ -27,24 +25,23 @@ def numbers(
         faults: Each fault of both weeks.
         times: The end of the week, and from when on the event log is known (Unix time).
         target: The availability that is aimed at, 0..1.
-        zone: In which days and nights are named.
     """
     end, known_since = times
     ends = [end - DAY * back for back in reversed(range(DAYS))]
     by_day = [recorded.of_robots(each, 1) for each in ends]
     robots = sorted(recorded.of_robots(end, DAYS).items(), key=_worst_first)
-    of_log = week(faults, end, zone)
+    of_log = week(faults, end)
     return {
         "fleet": recorded.fleet,
         "begin": end - DAYS * DAY,
         "end": end,
-        "time_zone": datetime.fromtimestamp(end, zone).strftime("%Z (UTC%z)"),
+        "time_zone": local(end).strftime("%Z (UTC%z)"),
         "events_since": known_since,
         "target": target,
-        "week": _week(recorded, faults, (end, zone), target),
-        "week_before": _week(recorded, faults, (end - DAYS * DAY, zone), target),
-        "day_begins": f"{datetime.fromtimestamp(end, zone):%H:%M}",
-        "days": [f"{datetime.fromtimestamp(each - DAY, zone):%a %d %b}" for each in ends],
+        "week": _week(recorded, faults, end, target),
+        "week_before": _week(recorded, faults, end - DAYS * DAY, target),
+        "day_begins": f"{local(end):%H:%M}",
+        "days": [f"{local(each - DAY):%a %d %b}" for each in ends],
         "robots": [
             {
                 "robot": robot,
@@ -60,9 +57,9 @@ def numbers(
 
 
 def _week(
-    recorded: Recorded, faults: list[dict[str, Any]], until: tuple[float, tzinfo], target: float
+    recorded: Recorded, faults: list[dict[str, Any]], end: float, target: float
 ) -> dict[str, Any]:
-    found, of_log = recorded.of_fleet(until[0], DAYS), week(faults, *until)
+    found, of_log = recorded.of_fleet(end, DAYS), week(faults, end)
     return {
         "availability": found.share,
         "budget_minutes": found.budget(target) / 60 if found.counted else None,
@@ -70,9 +67,7 @@ def _week(
         "to_acknowledge": of_log.to_acknowledge._asdict(),
         "to_recover": of_log.to_recover._asdict(),
         "notifications": of_log.notifications,
-        "lost_seconds": sum(
-            each["lost_seconds"] for each in _lost(recorded, until[0]) if each["robot"]
-        ),
+        "lost_seconds": sum(each["lost_seconds"] for each in _lost(recorded, end) if each["robot"]),
     }
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from datetime import timezone
+from collections.abc import Callable, Iterator
+from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -89,9 +89,22 @@ def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
     assert (gone["since"], gone["notified"]) == (100.0, [])
 
 
-@pytest.mark.parametrize("zone", [timezone.utc, ZoneInfo("Asia/Tokyo")])
-def test_notifications_are_counted_in_the_night_of_their_evening(zone):
-    offset = 0 if zone is timezone.utc else 9 * 3_600
+@pytest.fixture
+def set_zone(monkeypatch) -> Iterator[Callable[[str], None]]:
+    """Sets the time zone of the host."""
+
+    def set_to(zone: str) -> None:
+        monkeypatch.setenv("TZ", zone)
+        time.tzset()
+
+    yield set_to
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.parametrize(("zone", "offset"), [("UTC", 0), ("Asia/Tokyo", 9 * 3_600)])
+def test_notifications_are_counted_in_the_night_of_their_evening(set_zone, zone, offset):
+    set_zone(zone)
     midnight = 20_000 * 86_400.0 - offset  # 2024-10-04
     hours = [-45, -3, -2, 0, 5.9, 6, 12, 21.9, 22]
     sent = [
@@ -101,15 +114,23 @@ def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     over = {**sent[2], "after": "resolved"}
     found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 172_800, 2e9)
     assert found == [each["at"] for each in sent]
-    nights = report.by_night(found, midnight - 172_800, midnight + 172_800, zone)
+    nights = report.by_night(found, midnight - 172_800, midnight + 172_800)
     known = {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1, "2024-10-05": 0}
     assert nights == known
     for hour, last in ((6, "2024-10-03"), (22, "2024-10-03"), (22.1, "2024-10-04")):
-        week = report.by_night([], midnight - 172_800, midnight + hour * 3_600, zone)
+        week = report.by_night([], midnight - 172_800, midnight + hour * 3_600)
         assert [*week] == [each for each in known if "2024-10-02" <= each <= last]
 
 
-def test_nights_are_those_of_the_hosts_time_zone(monkeypatch):
+def test_nights_before_a_change_of_the_clock_are_by_the_clock_of_then(set_zone):
+    set_zone("Europe/Berlin")
+    berlin = ZoneInfo("Europe/Berlin")  # its clock is set back on 2024-10-27
+    sent = [datetime(2024, 10, day, 22, 30, tzinfo=berlin).timestamp() for day in (26, 27)]
+    found = report.by_night(sent, sent[0] - 7_200, sent[1] + 7_200)
+    assert found == {"2024-10-26": 1, "2024-10-27": 1}
+
+
+def test_nights_are_those_of_the_hosts_time_zone(set_zone):
     midnight = 20_000 * 86_400.0
     of = LABELS | {"since": midnight - 9_000}
     log = [
@@ -118,13 +139,10 @@ def test_nights_are_those_of_the_hosts_time_zone(monkeypatch):
         {"id": 3, "time": midnight - 60, "kind": "fault_ended", "reason": "recovered", **of},
     ]
     for zone, nights in (("UTC", {"2024-10-03": 1}), ("Asia/Tokyo", {})):
-        with monkeypatch.context() as patch:
-            patch.setenv("TZ", zone)
-            time.tzset()
-            found = report.Counting(
-                lambda kind, **_: [each for each in log if each["kind"] == kind]
-            ).count([], midnight + 3_600)
-        time.tzset()
+        set_zone(zone)
+        found = report.Counting(
+            lambda kind, **_: [each for each in log if each["kind"] == kind]
+        ).count([], midnight + 3_600)
         assert found is not None
         assert {night: n for night, n in found.nights.items() if n} == nights
 

@@ -41,6 +41,15 @@ def test_a_time_without_a_zone_is_in_the_zone_that_is_meant():
     assert found == datetime(2027, 7, 15, 6, 0, tzinfo=timezone.utc)
 
 
+def test_a_time_of_day_is_by_the_clock_of_its_day():
+    berlin = ZoneInfo("Europe/Berlin")  # its clock is set back at 03:00 of 2024-10-27
+    now = datetime(2024, 10, 27, 8, 0, tzinfo=berlin)
+    found = moment(
+        "14:30", now, ahead=False, localize=lambda naive: naive.replace(tzinfo=berlin).astimezone()
+    )
+    assert found == datetime(2024, 10, 26, 12, 30, tzinfo=timezone.utc)
+
+
 @pytest.mark.parametrize("text", ["", "soon", "25:00", "2027-13-01", "9999999w"])
 def test_what_is_no_time_is_an_error(text):
     with pytest.raises(ValueError, match="is no time"):
