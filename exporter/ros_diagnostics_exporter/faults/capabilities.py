@@ -62,7 +62,7 @@ def configure(book: Book, robot: RobotRecord, wanted: Iterable[WantedCapability]
     for each in wanted:
         capability = former.pop(each.name, None) or CapabilityRecord(robot, each.name)
         parts[each.name] = set(needs.parts_of(each.need, parts))
-        if capability.wanted is not None and not capability.parts.keys() <= parts[each.name]:
+        if not capability.parts.keys() <= parts[each.name]:
             gone += capability.problems.values()
         capability.wanted = each
         robot.capabilities[each.name] = capability

@@ -179,7 +179,7 @@ def parse(found: Any) -> tuple[list[Row], str]:
             rows.append(row)
         else:
             wrong.append(f"row {number} of its faults: {row}")
-    more = f", and {len(wrong) - 1} more rows" if len(wrong) > 1 else ""
+    more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
     return rows, f"{wrong[0]}{more}" if wrong else ""
 
 

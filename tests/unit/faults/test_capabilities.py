@@ -384,6 +384,16 @@ def test_a_capability_that_is_no_longer_wanted_is_removed_and_its_parts_are_faul
     )
 
 
+def test_what_was_lost_for_parts_that_it_no_longer_needs_is_removed():
+    other = VIEW._replace(need=AtLeast(1, (part(LEFT),)))
+    play(
+        (0, Can(VIEW)(levels([UPPER, LOWER], ERROR))),
+        (10, None, f"began {LOST} view"),
+        (20, Can(other)(), f"removed {LOST} view"),
+        (30, None, *(f"began component/critical r1 {each}" for each in (LOWER, UPPER))),
+    )
+
+
 def test_a_condition_that_is_not_known_holds_and_one_that_does_not_hold_ends():
     lift = WantedCapability("lift", AtLeast(None, (part("lift"),)))
     play(
