@@ -105,6 +105,8 @@ def test_of_a_robot_that_is_not_configured_there_is_nothing():
     assert player(["r1"], FaultSettings()).faults.component_names("r1") == list[ComponentName]()
 
 
+OF_CAPABILITY = ("capability", ("r1", "view"))
+WELL: dict[str, object] = {"active": None, "covers_until": None, "parts": []}
 FLEET_ROW = ("fleet", [], {"settled_at": 1.0, "grace_until": None})
 
 
@@ -117,6 +119,7 @@ FLEET_ROW = ("fleet", [], {"settled_at": 1.0, "grace_until": None})
         ([FLEET_ROW, ("fleet", [], {"settled_at": 1.0})], 1, "row 2 of its faults: "),
         ([FLEET_ROW, 5, 6], 1, ", and 1 more"),
         ([FLEET_ROW, 5], 1, "row 2 of its faults: "),
+        ([FLEET_ROW, (*OF_CAPABILITY, {**WELL, "worst": 5})], 1, "row 2 of its faults: worst: "),
     ],
 )
 def test_rows_that_cannot_be_restored_are_named_and_the_others_kept(found, kept, wrong):

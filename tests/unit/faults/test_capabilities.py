@@ -111,6 +111,18 @@ def test_as_many_as_are_needed_are_no_reserve_and_more_are_faults_of_their_own()
     )
 
 
+def test_what_fails_further_delays_no_fault():
+    three = tuple(map(part, (UPPER, LOWER, LEFT)))
+    history(
+        Can(WantedCapability("view", AtLeast(2, three))),
+        (0, level(UPPER, ERROR)),
+        (1, level(LOWER, ERROR)),
+        (5, level(LEFT, ERROR)),
+        (10.9, None),
+        (11, None, f"began {LOST} view"),
+    )
+
+
 def test_what_is_left_over_is_reported_after_that():
     three = tuple(part(f"lidar {each}") for each in range(3))
     history(

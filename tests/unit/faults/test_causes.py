@@ -238,3 +238,15 @@ def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
         (40, None, *(f"began component/critical {robot} camera" for robot in SIX[1:3])),
         robots=TEN,
     )
+
+
+def test_a_site_is_silent_with_robots_whose_maintenance_began_after_their_silence():
+    play(
+        (0, sites(*SIX, site="hall")),
+        (30, on_robots(SIX, silent)),
+        (35, together(*(maintenance(each, planned=True) for each in SIX[:3]))),
+        (40, None, "began site/silent hall"),
+        (300, None),
+        settings=FaultSettings(site=CauseSettings(6, 0.0)),
+        robots=SIX,
+    )

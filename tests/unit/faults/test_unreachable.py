@@ -9,6 +9,7 @@ from support.fault_histories import (
     check,
     level,
     levels,
+    on_robots,
     player,
     robot_settings,
     silent,
@@ -95,4 +96,28 @@ def test_only_what_an_uplink_may_explain_waits_for_it():
         (30, None),
         (20 + 10 + UPLINK_TIME, None, SILENT),
         robots=("ap", "r1"),
+    )
+
+
+def test_the_silence_of_a_site_behind_an_uplink_waits_for_it_and_goes_on_when_that_fails():
+    behind = together(*(robot_settings(each, uplink="ap", site="hall") for each in ROBOTS))
+    settings = FaultSettings(site=CauseSettings(3, 0.5))
+    silence = "began site/silent hall"
+    play(
+        (0, behind),
+        (20, on_robots(ROBOTS, silent)),
+        (30, None),
+        (20 + 10 + UPLINK_TIME, None, silence),
+        (100, unreachable(*ROBOTS, is_so=True)),
+        (300, None),
+        robots=("ap", *ROBOTS),
+        settings=settings,
+    )
+    play(
+        (0, behind),
+        (20, on_robots(ROBOTS, silent)),
+        (25, unreachable(*ROBOTS, is_so=True)),
+        (300, None),
+        robots=("ap", *ROBOTS),
+        settings=settings,
     )

@@ -28,7 +28,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.model import Reason, Row
+from ros_diagnostics_exporter.faults.model import Reason, Row, State
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, tree
 
@@ -798,6 +798,18 @@ def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes(
         ("quiet", "unless Charger is OK"),
         ("judged", ""),
     ]
+
+
+def test_a_condition_excuses_errors_of_what_may_be_stale_as_planned():
+    charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
+    rule = ComponentRule(re.compile("Motor"), unless=(charging,), planned_stale=True)
+    driver = settled(MOTOR, components=(rule,))
+    charger = Status(OK, "Charger")
+    driver.stand(12, HOT, charger)
+    quiet = [each.identity.state for each in driver.state.problems(driver.now) if each.because]
+    assert quiet == [State.CRITICAL]
+    driver.stand(12, HOT._replace(level=STALE), charger)
+    assert [each for each in driver.state.problems(driver.now) if each.because] == []
 
 
 def test_what_excuses_a_component_is_known_while_the_condition_and_the_robot_are():

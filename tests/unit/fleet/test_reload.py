@@ -237,6 +237,15 @@ def test_robots_on_one_topic_are_told_apart_by_hardware_id():
     assert driver.state.topics_of("r1") == (Topic(0, "/diagnostics"),)
 
 
+def test_a_pattern_gives_the_names_of_robot_and_component_unless_the_robots_is_none():
+    driver = shared(by="name", pattern=re.compile("(?P<robot>.*)/(?P<component>.*)"))
+    receive(driver, Status(OK, "r1/Motor"), Status(OK, " /Motor"), Status(OK, "/Motor"))
+
+    assert set(driver.state.robots) == {"r1"}
+    assert driver.sample("component_level", robot="r1", component="Motor") == OK
+    assert driver.state.rejected["no_robot"] == 2
+
+
 def test_a_robot_on_a_shared_topic_falls_silent_alone():
     driver = shared(profile=Profile(stale_after=5.0))
     r1, r2 = Status(OK, "Motor", hardware_id="r1"), Status(OK, "Motor", hardware_id="r2")

@@ -13,10 +13,12 @@ from ros_diagnostics_exporter.config.fleet import (
     Limits,
     Maintenance,
     Robot,
+    Shared,
     Source,
 )
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Stream, Topic
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 from support.state_driver import HOT, MOTOR, WALL, StateDriver, tree
 
 RAW = "/r/diagnostics"
@@ -250,3 +252,23 @@ def test_what_is_received_is_recorded_as_it_came():
     assert recorded == [(Stream(topic), b"raw", driver.now)]
     assert set(driver.state.topics_of("r")) == {topic, Topic(0, "/r/diagnostics_agg")}
     assert driver.state.topics_of("nobody") == ()
+
+
+def test_long_texts_are_cut_and_counted_and_others_are_not():
+    driver = StateDriver()
+    for length in (MAX_TEXT, MAX_TEXT + 1):
+        status = MOTOR._replace(message="x" * length)
+        driver.state.receive(Topic(0, RAW), Array(0.0, (status,), length + 100), driver.now)
+        rejected = driver.sample("robot_rejected_total", reason="label_length") or 0
+        assert rejected == (length > MAX_TEXT)
+        assert len(driver.component("Motor 1").last.message) == MAX_TEXT
+
+
+def test_messages_that_are_dropped_count_for_the_robot_of_the_topic_or_for_nobody():
+    robot = Robot("r", topic_raw=RAW, source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", (robot,), shared=(Shared("/diagnostics", raw=True),)))
+    driver.state.reject_dropped(Topic(0, RAW), 3)
+    driver.state.reject_dropped(Topic(0, "/diagnostics"), 5)
+
+    assert driver.sample("robot_rejected_total", robot="r", reason="rate") == 3
+    assert driver.state.rejected["rate"] == 5

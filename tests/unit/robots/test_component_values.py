@@ -98,3 +98,21 @@ def test_a_number_at_its_threshold_is_not_beyond_it(bound):
     found = [bool(ExportedValue("k", "", number, rule=rule).beyond) for number in (4, 5, 6)]
 
     assert found == [bound == "low", False, bound == "high"]
+
+
+def test_a_list_of_another_length_is_read_anew():
+    values = values_of(judged=True)
+    found = []
+    for text in ("[1, 2]", "3", "[4, 5, 6]"):
+        assert values.update((("Voltage", text),))
+        found.append([each.number for each in values.all])
+    assert found == [[1, 2], [3], [4, 5, 6]]
+
+
+def test_a_component_is_beyond_a_threshold_with_one_number():
+    rule = ValueRule(key=re.compile("Temperature"), thresholds=(Threshold("high", "warning", 5.0),))
+    driver = StateDriver(values=(rule,))
+    for numbers, beyond in (("1", "9"), False), (("6", "9"), True):
+        pairs = tuple(zip(("Temperature", "Voltage"), numbers, strict=True))
+        driver.raw(Status(OK, "Motor", values=pairs))
+        assert driver.component("Motor").values.beyond is beyond

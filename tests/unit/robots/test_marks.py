@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.marks import MARKS, Mark
 from support.state_driver import OK, StateDriver
 
 
@@ -31,3 +31,8 @@ def test_time_changes_a_robot_only_while_it_is_received():
     driver.at(6)
     assert not driver.robot.up
     assert driver.robot.next_tick > driver.now.mono
+
+
+def test_each_mark_is_another():
+    marks = {value for name, value in vars(Mark).items() if name.isupper()}
+    assert marks == set(range(MARKS))

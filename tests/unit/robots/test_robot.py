@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -11,12 +12,16 @@ from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
     Limits,
+    Profile,
+    Query,
     Robot,
     Source,
 )
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.robots.updates import is_of_graph
+from ros_diagnostics_exporter.sources.graph import GROUP
 from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, WALL, WARN, StateDriver, tree
 
 # -- history --------------------------------------------------
@@ -324,3 +329,72 @@ def test_long_names_are_cut_and_stay_different(caplog):
     names = {each.name for each in driver.robot.components}
     assert len(names) == 2
     assert all(len(name) == 64 for name in names)
+
+
+# -- another config -------------------------------------------
+
+
+def configure(driver: StateDriver, **settings: object) -> None:
+    robot = driver.robot
+    robot.configure(replace(robot.settings, **settings), robot.limits, driver.now)
+
+
+def test_another_profile_counts_at_once_for_what_was_reported_last():
+    driver = StateDriver()
+    driver.raw(HOT, LASER)
+    rules = (ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),)
+    configure(driver, profile=Profile(components=rules))
+
+    assert [driver.level(name) for name in ("Motor 1", "Laser 1")] == [WARN, OK]
+
+
+def test_what_the_network_shows_is_of_its_topics():
+    driver = StateDriver()
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    configure(driver, profile=Profile(stale_after=7.0))
+    assert driver.robot.network.publishers == 1
+    configure(driver, topic_raw="/elsewhere")
+    assert driver.robot.network.publishers == 0
+
+
+def test_it_is_reached_unless_its_uplink_or_its_domain_fails():
+    network = StateDriver().robot.network
+    assert network.is_reached is True
+    for name in ("uplink_up", "domain_up"):
+        setattr(network, name, False)
+        assert network.is_reached is False
+        setattr(network, name, True)
+
+
+def test_only_what_has_ros_falls_silent():
+    ping = Query("x", "ping", "Uplink", "robot", uplink=True)
+    robots = (Robot("r", source=Source.QUERIES, profile=Profile()),)
+    driver = StateDriver(fleet=Fleet("f", robots, queries=(ping,)))
+
+    def measure(level: int) -> bool:
+        driver.state.receive_answer(ping.feed, {"r": (Status(level, "ping"),)}, driver.now)
+        return driver.robot.fails_as_uplink
+
+    assert measure(OK) is False
+    assert driver.robot.up
+    assert driver.robot.next_tick == driver.robot.components.next_late
+    assert measure(ERROR) is True
+    configure(driver, source=Source.RAW)
+    driver.robot.tick(driver.now._replace(mono=1_000.0))
+    assert not driver.robot.up
+    configure(driver, source=Source.QUERIES)
+    assert measure(ERROR) is True
+    driver.robot.tick(driver.now._replace(mono=2_000.0))
+    assert driver.robot.up
+
+
+def test_what_an_array_of_the_aggregator_lacks_is_missing_until_one_has_it():
+    driver = StateDriver(Source.AGG)
+    for statuses, missing in (([MOTOR, LASER], False), ([MOTOR], True), ([MOTOR, LASER], False)):
+        driver.agg(*tree(Motor=statuses))
+        assert driver.component("Laser 1").missing is missing
+
+
+def test_what_the_ros_graph_shows_is_known_by_its_group():
+    of_graph = [is_of_graph(("node", group, "")) for group in (f"query:{GROUP}", "query:x", GROUP)]
+    assert of_graph == [True, False, False]
