@@ -32,7 +32,7 @@ def test_times_are_of_critical_faults_of_the_week_with_their_number():
         fault(BEGIN, BEGIN + 100, acknowledged=[{"at": BEGIN + 40}, {"at": BEGIN + 30}]),
         fault(BEGIN + 500, BEGIN + 1_500, acknowledged=[{"at": BEGIN + 610}]),
         fault(BEGIN + 2_000, BEGIN + 9_000, reason="removed"),
-        fault(BEGIN - 600, BEGIN + 5, acknowledged=[{"at": BEGIN + 1}]),  # begun before
+        fault(BEGIN - 605, BEGIN, acknowledged=[{"at": BEGIN}]),  # begun before
         fault(END - 5, None),  # confirmed after
         fault(BEGIN, BEGIN + 7_000, severity="warning", acknowledged=[{"at": BEGIN + 9}]),
     ]

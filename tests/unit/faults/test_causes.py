@@ -140,6 +140,8 @@ def test_a_site_that_is_cut_off_is_one_and_robots_that_stay_silent_are_reported_
     )
     assert [fault.since - WALL for fault in last.faults.faults()] == [30]
     assert [fault.labels["site"] for fault in last.faults.faults()] == ["hall"]
+    last.write(100)
+    assert "cause" not in {kind for kind, _key in last.rows}  # it explains nothing any more
 
 
 def test_twenty_of_a_hundred_components_are_one_and_nineteen_are_nineteen():

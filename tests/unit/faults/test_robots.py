@@ -74,6 +74,15 @@ def test_a_robot_that_comes_and_goes_is_flapping_once():
     )
 
 
+def test_a_robot_that_stays_away_after_a_restart_is_no_longer_flapping_and_silent():
+    play(
+        *_OUTAGES,
+        (240, silent(), "began robot/flapping r1"),
+        (250, restart()),
+        (1500, None, "recovered robot/flapping r1", "began robot/silent r1"),
+    )
+
+
 def test_the_return_after_a_long_silence_is_a_change_too():
     last = play(
         (0, silent()),
