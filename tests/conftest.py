@@ -54,6 +54,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if terminalreporter.config.getoption("--all"):  # the budgets are of the run without
+        return
     reports = [each for found in terminalreporter.stats.values() for each in found]
     durations = [
         (each.nodeid, each.duration) for each in reports if isinstance(each, pytest.TestReport)

@@ -328,7 +328,8 @@ def test_the_demo_through_zenoh_builds_the_bridge_unless_it_is_built(machine):
 
 def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_there(machine):
     machine.program("chromium", FAKE)
-    machine.program("go", f"""{FAKE}echo '\t"Dir": "FOLDER",'\n""")
+    modules = "printf 'go: downloading a\\ngo: no space\\n' >&2\n"
+    machine.program("go", f"""{FAKE}{modules}echo '\t"Dir": "FOLDER",'\n""")
     machine.program("python3.12", PYTHON.replace("REAL", sys.executable))
     machine.program("python3.13", "#!/bin/sh\nexit 127\n")  # pyenv's, of a version not chosen
     zenoh = machine.checkout / "sim/zenoh_bridge/build-zenoh"
@@ -341,6 +342,8 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     done = machine.run("nightly")
 
     assert done.returncode == 0, done.stderr
+    assert "go: downloading" not in done.stderr
+    assert "go: no space" in done.stderr
     module = "github.com/prometheus/prometheus@v0.311.3"
     assert f"go mod download -json {module}" in machine.calls()
     (build,) = (call for call in machine.calls() if call.startswith("go build"))
