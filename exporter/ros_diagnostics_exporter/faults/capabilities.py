@@ -62,7 +62,8 @@ def configure(book: Book, robot: RobotRecord, wanted: Iterable[WantedCapability]
     for each in wanted:
         capability = former.pop(each.name, None) or CapabilityRecord(robot, each.name)
         parts[each.name] = set(needs.parts_of(each.need, parts))
-        if not capability.parts.keys() <= parts[each.name]:
+        # After a restart, components that its patterns match may not have been received yet.
+        if capability.wanted is not None and not capability.parts.keys() <= parts[each.name]:
             gone += capability.problems.values()
         capability.wanted = each
         robot.capabilities[each.name] = capability

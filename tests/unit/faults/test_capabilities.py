@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
     ERROR,
     OK,
+    READY,
     STALE,
     WARN,
     Event,
@@ -21,8 +22,10 @@ from support.fault_histories import (
     levels,
     maintenance,
     play,
+    player,
     restart,
     silent,
+    texts,
     together,
     value,
 )
@@ -397,13 +400,22 @@ def test_a_capability_that_is_no_longer_wanted_is_removed_and_its_parts_are_faul
 
 
 def test_what_was_lost_for_parts_that_it_no_longer_needs_is_removed():
+    found = player(["r1"], FaultSettings())
+    found.go(READY, Can(VIEW)(levels([UPPER, LOWER], ERROR)))
+    assert texts(found.go(READY + 10)) == [f"began {LOST} view"]
     other = VIEW._replace(need=AtLeast(1, (part(LEFT),)))
-    play(
-        (0, Can(VIEW)(levels([UPPER, LOWER], ERROR))),
-        (10, None, f"began {LOST} view"),
-        (20, Can(other)(), f"removed {LOST} view"),
-        (30, None, *(f"began component/critical r1 {each}" for each in (LOWER, UPPER))),
-    )
+    assert texts(found.go(READY + 20, Can(other)())) == [f"removed {LOST} view"]
+    parts = [f"began component/critical r1 {each}" for each in (LOWER, UPPER)]
+    assert texts(found.go(READY + 30)) == parts
+
+
+def test_what_was_lost_lasts_where_a_new_process_knows_no_part_yet():
+    found = player(["r1"], FaultSettings())
+    found.go(READY, Can(VIEW)(levels([UPPER, LOWER], ERROR)))
+    assert texts(found.go(READY + 10)) == [f"began {LOST} view"]
+    found.reborn(READY + 20)
+    unknown = VIEW._replace(need=AtLeast(1, (MISSING,)))
+    assert texts(found.go(READY + 20, Can(unknown)())) == []
 
 
 def test_a_condition_that_is_not_known_holds_and_one_that_does_not_hold_ends():
