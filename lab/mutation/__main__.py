@@ -15,29 +15,35 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from mutation.score import TOO_FEW
 from support.planted import copied_checkout
 
 PACKAGES = ("api", "config", "decode", "faults", "fleet", "metrics", "robots", "storage", "web")
 
 
 def main() -> None:
-    """Print the score and the survivors of each package."""
+    """Print the score and the survivors of each package; fail where too few mistakes are found."""
     options = _arguments().parse_args()
     arguments = [str(options.mutants), str(options.seed)]
+    too_few = []
     with (
         tempfile.TemporaryDirectory(prefix="mutate-") as folder,
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
         copies = (Path(folder) / package for package in options.package or PACKAGES)
-        for found in pool.map(lambda copy: _score(copy, arguments), copies):
-            print(found, end="", flush=True)
+        for done in pool.map(lambda copy: _score(copy, arguments), copies):
+            print(done.stdout, end="", flush=True)
             if options.report:
                 with options.report.open("a") as report:
-                    report.write(found)
+                    report.write(done.stdout)
+            if done.returncode:
+                too_few.append(done.stdout.partition(":")[0])
+    if too_few:
+        sys.exit(f"run mutate: the unit tests find too few mistakes in {', '.join(too_few)}")
 
 
-def _score(copy: Path, arguments: list[str]) -> str:
-    """What `mutation.score` prints of the package that the copy to be made has the name of."""
+def _score(copy: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run `mutation.score` for the package that the copy to be made has the name of."""
     environment = copied_checkout(copy)
     done = subprocess.run(
         [sys.executable, "-m", "mutation.score", copy.name, *arguments],
@@ -47,9 +53,9 @@ def _score(copy: Path, arguments: list[str]) -> str:
         text=True,
         check=False,
     )
-    if done.returncode:
+    if done.returncode not in (0, TOO_FEW):
         raise SystemExit(done.returncode)
-    return done.stdout
+    return done
 
 
 def _arguments() -> argparse.ArgumentParser:

@@ -15,10 +15,16 @@ from mutation.mutants import Change, Mutant, draw
 
 PACKAGES = Path("exporter/ros_diagnostics_exporter").resolve()
 ALLOWED = Path(__file__).with_name("survivors.yml")
+WANTED, OF_PACKAGES = 0.85, {"faults": 0.95}  # the part that is to be killed
+TOO_FEW = 3  # exit status: fewer are killed
 
 
-def main(package: str, mutants: int, seed: int) -> None:
-    """Print how many mutants of the package its unit tests find, and those that they do not."""
+def main(package: str, mutants: int, seed: int) -> int:
+    """Print how many mutants of the package its unit tests find, and those that they do not.
+
+    Returns:
+        The exit status: 0, or TOO_FEW.
+    """
     # By its text, as a mutant may be as long and as old as what it is made from.
     by_text = py_compile.PycInvalidationMode.CHECKED_HASH
     compileall.compile_dir(PACKAGES, quiet=1, invalidation_mode=by_text)
@@ -28,10 +34,12 @@ def main(package: str, mutants: int, seed: int) -> None:
     drawn = list(itertools.islice(wanted, mutants))
     survived = [each for each in drawn if not _killed(each, tests)]
     killed = len(drawn) - len(survived)
-    print(f"{package}: {killed} of {len(drawn)} killed, {killed / len(drawn):.0%}")
+    score, least = killed / len(drawn), OF_PACKAGES.get(package, WANTED)
+    print(f"{package}: {killed} of {len(drawn)} killed, {score:.0%} ({least:.0%} wanted)")
     for mutant in sorted(survived, key=lambda each: each.change):
         file, was, now = mutant.change
         print(f"  {file}:{mutant.lines.start}\n    - {was}\n    + {now}")
+    return 0 if score >= least else TOO_FEW
 
 
 def survivors() -> list[dict[str, str]]:
@@ -50,4 +58,4 @@ def _killed(mutant: Mutant, tests: Tests) -> bool:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    sys.exit(main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3])))
