@@ -16,7 +16,7 @@ from testbed.configuration import CHECKOUT
 tomllib = pytest.importorskip("tomllib", reason="needs Python 3.11")
 
 LOCKS = CHECKOUT / "packaging" / "locks"
-HASHED = ("build", "demo", "exporter")
+HASHED = ("build", "demo", "docs", "exporter")
 STALE = "'./run lock' writes packaging/locks"
 
 

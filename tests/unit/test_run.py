@@ -287,6 +287,23 @@ def test_the_help_of_a_verb_installs_nothing(machine, verb):
     assert machine.calls() == []
 
 
+@pytest.mark.parametrize("verb", ["lint", "lock", "release"])
+def test_the_help_of_a_verb_starts_nothing_where_it_is_set_up(machine, verb):
+    for script in ("packaging/release", ".venv/bin/uv", ".venv/bin/python"):
+        path = machine.checkout / script
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f'#!/bin/sh\necho "$0 $*" >>{machine.folder}/calls\n')
+        path.chmod(0o755)
+    for group in ("simulator", verb):
+        (machine.checkout / ".venv" / f".installed-{group}").touch()
+
+    done = machine.run(verb, "--help")
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].startswith(f"  {verb} ")
+    assert machine.calls() == []
+
+
 def with_bridge(machine: Machine, *, built: bool) -> None:
     folder = machine.checkout / "sim" / "zenoh_bridge"
     folder.mkdir(parents=True)
