@@ -2,7 +2,8 @@
 
 Several robots break at random moments. Each step is timed where it happens: on DDS, by time stamps
 of the exporter and of Prometheus, at Alertmanager's API, in the mail server. Target: p95 at most
-5 s plus confirm_after, which is what the shipped clocks may take together.
+5 s plus confirm_after, which is what the shipped clocks may take together. Fails beyond 10 s plus
+confirm_after, as the nightly on a machine with nothing else to do has it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import sys
 import tempfile
 import threading
 import time
@@ -35,7 +37,7 @@ from testbed.stack import Plan, running
 MOTOR = "Motor 2"
 ROBOTS = 40  # so many that the broken ones have no common cause
 AT_A_TIME = 8
-TARGET = 5.0  # seconds beyond confirm_after
+TARGET, LIMIT = 5.0, 10.0  # seconds beyond confirm_after
 SPREAD = 10.0  # seconds over which the faults of one round are spread: two rounds of every clock
 TOPICS = ("diagnostics", "diagnostics_agg")
 STEPS = (
@@ -225,8 +227,7 @@ def report(rows: list[list[float]], confirm_after: float) -> str:
             f"{name:26} {median(steps):11.2f} {max(steps):6.2f}"
             f" {median(total):19.2f} {max(total):6.2f}"
         )
-    total = [row[-1] - row[0] for row in rows]
-    p95 = quantiles(total, n=20, method="inclusive")[-1]
+    total, p95 = [row[-1] - row[0] for row in rows], p95_of(rows)
     target = TARGET + confirm_after
     clocks = confirm_after + sum(seconds_to_notify().values())
     return "\n".join(
@@ -239,8 +240,13 @@ def report(rows: list[list[float]], confirm_after: float) -> str:
     )
 
 
+def p95_of(rows: list[list[float]]) -> float:
+    """Return the seconds from fault to mail that 95 % of the faults take at most."""
+    return quantiles((row[-1] - row[0] for row in rows), n=20, method="inclusive")[-1]
+
+
 def main() -> None:
-    """Run the rounds and print the table."""
+    """Run the rounds and print the table; fail where mails take longer than they may."""
     parser = argparse.ArgumentParser("./run bench notify", description=__doc__)
     parser.add_argument("--rounds", type=int, default=7, help=f"of {AT_A_TIME} faults each")
     parser.add_argument("--robots", type=int, default=ROBOTS)
@@ -253,6 +259,9 @@ def main() -> None:
             first = number * AT_A_TIME % options.robots
             rows += measure(stack, [f"robot_{first + each + 1}" for each in range(AT_A_TIME)])
             print(report(rows, plan.clocks.confirm_after), flush=True)
+    limit = LIMIT + plan.clocks.confirm_after
+    if p95_of(rows) > limit:
+        sys.exit(f"bench notify: p95 is beyond {LIMIT:g} s + confirm_after = {limit:g} s")
 
 
 if __name__ == "__main__":

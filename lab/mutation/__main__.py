@@ -26,6 +26,8 @@ def main() -> None:
     options = _arguments().parse_args()
     arguments = [str(options.mutants), str(options.seed)]
     too_few = []
+    if options.report:
+        options.report.write_text("")
     with (
         tempfile.TemporaryDirectory(prefix="mutate-") as folder,
         ThreadPoolExecutor(os.cpu_count()) as pool,
@@ -65,7 +67,7 @@ def _arguments() -> argparse.ArgumentParser:
     )
     parser.add_argument("--mutants", type=int, default=50, help="of each package (%(default)s)")
     parser.add_argument(
-        "--report", type=Path, metavar="FILE", help="append scores and survivors to it, too"
+        "--report", type=Path, metavar="FILE", help="scores and survivors are written to it, too"
     )
     parser.add_argument("--seed", type=int, default=1, help="which are drawn (%(default)s)")
     return parser

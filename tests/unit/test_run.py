@@ -372,6 +372,7 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
         "part lint",
         "part generate --check",
         "part test --all --no-skips",
+        "part bench notify --rounds 3",
         "part mutate --report survivors.txt",
         "part test tests/unit/rules tests/unit/grafana",
         "part test tests/unit tests/integration .venv-python3.12",
