@@ -7,7 +7,6 @@ network of their "host" is the loopback device.
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import shutil
 import sys
@@ -19,7 +18,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter import __version__
-from support import debian
+from support import debian, podman
 from support.newcomer import IGNORED, blocks
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -33,17 +32,6 @@ ROBOTS = f"ros-diagnostics-virtual-robots:{__version__}"
 FLEET = 'fleet: hall\ndiscovery: [{topic: "/{robot}/diagnostics_agg"}]\n'
 # ./run test --all installs it there.
 COMPOSE = Path(sys.prefix) / "deployment" / "bin" / "podman-compose"
-# For a machine without systemd, and with low limits of files and processes.
-SETTINGS = """\
-[containers]
-cgroups = "disabled"
-log_driver = "k8s-file"
-default_ulimits = ["nofile=4096:4096", "nproc=4096:4096"]
-[engine]
-cgroup_manager = "cgroupfs"
-events_logger = "file"
-"""
-STORAGE = '[storage]\ndriver = "vfs"\ngraphroot = "{0}/images"\nrunroot = "{0}/run"\n'
 HOST = """
 ip link set lo up
 mount -t cgroup2 cgroup2 /sys/fs/cgroup
@@ -61,13 +49,7 @@ class Host:
         self.folder = folder
         self.checkout = folder / "checkout"
         shutil.copytree(CHECKOUT, self.checkout, ignore=IGNORED, symlinks=True)
-        (folder / "containers.conf").write_text(SETTINGS)
-        (folder / "storage.conf").write_text(STORAGE.format(folder))
-        self.env = os.environ | {
-            "CONTAINERS_CONF": str(folder / "containers.conf"),
-            "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
-            "DISABLE_HC_SYSTEMD": "true",  # health checks by its timers
-        }
+        self.env = podman.environment(folder)
         namespaces = ["--mount", "--net", "--pid", "--fork", "--kill-child", "--mount-proc"]
         argv = ["unshare", *namespaces, "--", "sh", "-ec", HOST]
         self.process = Process("host", argv, None, folder / "host.log")
@@ -115,16 +97,9 @@ def built(tmp_path_factory: pytest.TempPathFactory, debian_base: Path) -> Iterat
     folder = tmp_path_factory.mktemp("containers")
     host = Host(folder)
     try:
-        with debian.copied(debian_base, folder / "base") as base:
-            debian.does(
-                base, "apt-get install --quiet=2 --yes --no-install-recommends python3-venv"
-            )
-            host.online(f"tar --directory {base} --create . | podman import - localhost/debian:12")
+        podman.import_debian(debian_base, folder, host.env)
         (build,) = blocks(PAGE, "## Build")
-        # Without layers: each would be a copy of all files, as podman has no overlay here.
-        on_debian = (
-            "podman build --isolation=chroot --layers=false --build-arg BASE=localhost/debian:12"
-        )
+        on_debian = f"podman build --build-arg BASE={podman.DEBIAN}"
         host.online(build.replace("podman build", on_debian, 1))
         host.online(f"podman tag {IMAGE} localhost/kept")
         (robots,) = blocks(PAGE, "## Virtual robots")[:1]

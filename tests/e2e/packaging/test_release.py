@@ -9,29 +9,41 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from ros_diagnostics_exporter import __version__
-from support import debian
+from support import debian, podman
 from testbed.configuration import CHECKOUT
 
-ABSENT = debian.why_not("dpkg-deb", "git")
+IMAGE = os.geteuid() == 0  # another user cannot make the base that it is built on: all but that
+ABSENT = debian.why_not("podman") if IMAGE else None
 
 pytestmark = debian.marks(ABSENT)
 
 
-def test_a_commit_is_built_twice_with_the_same_bytes(tmp_path: Path):
+def test_a_commit_is_built_twice_with_the_same_bytes(
+    tmp_path: Path, request: pytest.FixtureRequest
+):
     source = tmp_path / "source"
     subprocess.run(["git", "clone", "--quiet", CHECKOUT, source], check=True)
     (source / "README.md").write_text("not committed, so not released")
-    path = f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"
-    command = [source / "packaging" / "release", "--twice", tmp_path / "dist"]
-    done = subprocess.run(
-        command, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False
-    )
+    env = dict(os.environ)
+    if IMAGE:
+        env = podman.environment(tmp_path)
+        podman.import_debian(request.getfixturevalue("debian_base"), tmp_path, env)
+    env |= {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}", "BASE": podman.DEBIAN}
+    command = [source / "packaging" / "release", "--twice", *["--image"] * IMAGE, tmp_path / "dist"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
 
     assert done.returncode == 0, done.stdout + done.stderr
     built = {each.name: each.read_bytes() for each in (tmp_path / "dist").iterdir()}
     sums = dict(map(reversed, map(str.split, built.pop("SHA256SUMS").decode().splitlines())))
     assert sums == {name: hashlib.sha256(data).hexdigest() for name, data in built.items()}
+    if IMAGE:
+        name = f"ros-diagnostics-exporter-{__version__}.oci.tar"
+        assert built.pop(name)
+        loaded = debian.output(["podman", "load", "--input", tmp_path / "dist" / name], 300, env)
+        assert f"ros-diagnostics-exporter:{__version__}" in loaded
     assert {name.replace(__version__, "V") for name in built} == {
         "CHANGES-V.md",
         "ros-diagnostics-exporter-V.cdx.json",
