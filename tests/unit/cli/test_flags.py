@@ -56,7 +56,12 @@ def test_retention_is_a_duration_and_a_size():
     [
         ("web.telemetry-path", ["metrics", "/{job}", "/a?b", ""], "is not a path such as /metrics"),
         ("alertmanager.url", ["localhost:9093", "ftp://a", "http://"], "is not a URL"),
-        ("alertmanager.url", ["http://ann:secret@a:9093"], "--alertmanager.password-file"),
+        (
+            "alertmanager.url",
+            ["http://ann:secret@a:9093", "ann:secret@a:9093", "http://ann:secret@"],
+            "--alertmanager.password-file",
+        ),
+        ("web.runbooks-url", ["http://ann:secret@w"], "everybody sees the pages' links"),
         ("alertmanager.user", ["ann"], "--alertmanager.password-file"),
         ("storage.path", [""], "'' is no file; none keeps nothing"),
         ("storage.retention.time", ["90"], "'90' is not a duration such as 90d"),
