@@ -171,7 +171,9 @@ def test_packages_of_sourced_workspaces_are_found(cart, monkeypatch, capsys):
     arguments = ["import", "autoware", str(cart / "main.yaml")]
     assert main(arguments) == 2
     assert "where is the package cart_arm? Source its workspace" in capsys.readouterr().err
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(cart / "install"))
+    (cart / "underlay/share/cart_arm").mkdir(parents=True)  # empty: the overlay's is read
+    prefixes = f"{cart / 'install'}:{cart / 'underlay'}"
+    monkeypatch.setenv("AMENT_PREFIX_PATH", prefixes)
     assert main(arguments) == 1
 
 

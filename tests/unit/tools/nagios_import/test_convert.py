@@ -424,6 +424,7 @@ def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
     assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
         (FLEET, ROUTES, REPORT)
     )
+    (tmp_path / "new" / REPORT).unlink()  # one file that is there is enough
     assert main(command) == 1
     assert "overwrite them with --force" in capsys.readouterr().err
     assert main([*command, "--force"]) == 0
