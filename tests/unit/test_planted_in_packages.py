@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import PurePosixPath
 
 import pytest
 import yaml
@@ -13,6 +14,17 @@ from support.planted import CHECKOUT, occurs_once, planted_checkout
 MISTAKES = yaml.load(
     (CHECKOUT / "tests/data/planted_in_packages.yml").read_text(), yaml.CSafeLoader
 )
+EXPORTER = CHECKOUT / "exporter/ros_diagnostics_exporter"
+TOOLS = CHECKOUT / "exporter/ros_diagnostics_tools"
+# Each package of the exporter and of the tools, and the rules.
+FOLDERS = sorted(
+    str(folder.relative_to(CHECKOUT))
+    for folder in (
+        *(init.parent for of in (EXPORTER, TOOLS) for init in of.glob("*/__init__.py")),
+        CHECKOUT / "prometheus/rules",
+    )
+)
+LEAST = 10  # mistakes in each
 
 
 @pytest.mark.slow
@@ -41,3 +53,14 @@ def test_a_mistake_can_be_planted(mistake):
     """So that a change that moves one is noticed at once."""
     assert occurs_once((CHECKOUT / mistake["file"]).read_text(), mistake["right"])
     assert (CHECKOUT / mistake["found_by"].partition("::")[0]).exists()
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_mistakes_are_planted_in_each_package(folder):
+    planted = [each for each in MISTAKES if PurePosixPath(each["file"]).is_relative_to(folder)]
+    assert len(planted) >= LEAST
+
+
+def test_no_mistake_is_planted_twice():
+    planted = {(each["file"], each["right"], each["wrong"]) for each in MISTAKES}
+    assert len(planted) == len({each["what"] for each in MISTAKES}) == len(MISTAKES)

@@ -296,7 +296,7 @@ def _runbooks_url(text: str) -> str:
     if not text:  # the default
         return text
     if "@" in text:
-        raise argparse.ArgumentTypeError(f"{text!r} has a user: everybody sees the pages' links")
+        raise argparse.ArgumentTypeError("give it without a user: everybody sees the pages' links")
     return _server(text, "http://localhost:9090/user/alerts", "")
 
 
@@ -305,14 +305,14 @@ def _prometheus_url(text: str) -> str:
 
 
 def _server(text: str, example: str, flags: str) -> str:
-    found = urlsplit(text)
-    if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as {example}")
-    if "@" in found.netloc:
+    if "@" in text:  # first: what follows prints the text
         raise argparse.ArgumentTypeError(
             f"every user of the machine can see flags: give the user as {flags}.user and the "
             f"password in {flags}.password-file"
         )
+    found = urlsplit(text)
+    if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as {example}")
     return text
 
 

@@ -97,7 +97,7 @@ def _notifications(result: Result) -> Table:
             Text(words.state(fault), style=_STYLES[fault.severity]),
         )
     if len(result.notifications) > SHOWN:
-        table.add_row(f"and {len(result.notifications) - SHOWN} more: --format csv has all")
+        table.add_row(f"and {len(result.notifications) - SHOWN} more: --output csv has all")
     return table
 
 

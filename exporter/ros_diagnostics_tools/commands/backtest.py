@@ -19,7 +19,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client
-from ros_diagnostics_exporter.model import Domain
+from ros_diagnostics_exporter.model import ZENOH, Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
 from ros_diagnostics_tools.backtest.capsule import Capsule, too_short
@@ -201,7 +201,8 @@ def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> 
     if options.domain_id is not None:
         return options.domain_id
     if capsule is not None and len(capsule.fault.get("domain_ids", ())) == 1:
-        return int(capsule.fault["domain_ids"][0])
+        found = capsule.fault["domain_ids"][0]
+        return ZENOH if found == ZENOH else int(found)
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 

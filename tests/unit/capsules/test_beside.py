@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.state import FleetState
-from ros_diagnostics_exporter.model import Array, Instant, Topic
+from ros_diagnostics_exporter.model import Array, Instant, Stream, Topic
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     PARAMETERS_TYPE,
@@ -148,6 +148,15 @@ def test_logs_that_the_robots_config_does_not_name_are_not_in_it(tmp_path, watch
     site.diagnose(range(111))
     site.send(95, LOGS, LOG_TYPE, log("r.amcl", "For another robot's sake"))
     assert beside(site.capsule()) == []
+
+
+def test_what_another_robot_says_is_not_in_it(site):
+    site.diagnose(range(111))
+    for robot in ("r", "s"):
+        stream = Stream(Topic(0, LOGS), LOG_TYPE, robot)
+        site.capsules.rings.receive(stream, log(f"{robot}.amcl", "Overrun"), at(93))
+    site.capsules.rings.compress()
+    assert [data for *_, data in beside(site.capsule())] == [log("r.amcl", "Overrun")]
 
 
 def test_what_was_said_long_before_is_not_in_it_however_little_is_said(site):

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import random
+import struct
+from binascii import crc32
 from contextlib import closing
 from dataclasses import replace
 
@@ -14,7 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.capsules import rings as rings_module
 from ros_diagnostics_exporter.capsules.capsules import Capsules, Kept, config_lines
-from ros_diagnostics_exporter.capsules.rings import RING, Rings
+from ros_diagnostics_exporter.capsules.rings import PER, RING, Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
@@ -213,6 +217,55 @@ def test_a_fault_has_the_capsule_of_its_own_begin_also_after_a_restart(capsules,
         assert not each.has("ba9876543210", BEGAN.since)
 
 
+def test_of_a_fault_that_began_again_the_capsule_of_its_last_begin_is_served(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsule(capsules)
+    receive(capsules.rings, TOPICS[0], range(111, 311))
+    capsules.note(FAULT, replace(BEGAN, time=WALL + 300, since=WALL + 290), at(300))
+    capsules.turn(at(310))
+
+    assert last(capsules.read(FAULT, at(310))) == 310
+    assert capsules.has(FAULT, WALL + 290)
+
+
+def test_one_that_cannot_be_written_is_not_tried_again(capsules, tmp_path):
+    receive(capsules.rings, TOPICS[0], range(111))
+    (tmp_path / "kept").write_text("is no folder")
+    with pytest.raises(FileExistsError):
+        capsule(capsules)
+    capsules.turn(at(111))
+
+
+def test_only_the_exporters_user_may_read_them(capsules, tmp_path):
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsule(capsules)
+    assert (tmp_path / "kept").stat().st_mode & 0o777 == 0o700
+
+
+def test_the_robots_name_has_only_what_foxglove_takes(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsules.note(FAULT, replace(BEGAN, robot="hall/ärm 1"), at(100))
+    capsules.turn(at(110))
+    (found,) = opened(capsules.read(FAULT, at(110))).iter_metadata()
+    assert found.metadata == {"deviceName": "hall__rm_1"}
+
+
+def test_a_text_that_is_no_unicode_does_not_lose_it(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsules.note(FAULT, replace(BEGAN, message="motor: \udcff"), at(100))
+    capsules.turn(at(110))
+    fault, _fleet = opened(capsules.read(FAULT, at(110))).iter_attachments()
+    assert json.loads(fault.data)["evidence"] == ["motor: ?"]
+
+
+def test_the_checksum_of_an_attachment_is_of_all_its_fields(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    content = capsule(capsules)
+    for each in opened(content).get_summary().attachment_indexes:
+        record = content[each.offset : each.offset + each.length]
+        assert record[-4:] == struct.pack("<I", crc32(record[9:-4]))  # behind kind and length
+
+
 def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
     receive(capsules.rings, TOPICS[0], range(100))
     for number in range(1_000):
@@ -247,6 +300,19 @@ def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
         assert len(found) == left
 
 
+def test_the_oldest_file_is_removed_first(tmp_path, config):
+    kept = tmp_path / "kept"
+    capsules = Capsules(kept, config, lambda _robot: TOPICS, Kept(number=1))
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsule(capsules)
+    (first,) = kept.iterdir()
+    os.utime(first, (WALL, WALL))
+    capsules.note("ba9876543210", BEGAN, at(110))
+    capsules.turn(at(120))
+
+    assert [path.name[:12] for path in kept.iterdir()] == ["ba9876543210"]
+
+
 def test_a_topic_has_no_more_memory_than_its_ring(capsules):
     rings = Rings()
     for second in range(1_000):
@@ -257,12 +323,23 @@ def test_a_topic_has_no_more_memory_than_its_ring(capsules):
         assert rings.size <= RING + 2 * rings_module.CHUNK
 
 
+def test_a_topic_of_which_more_is_kept_has_more_memory():
+    rings, generator = Rings(), random.Random(1)
+    rings.keep = 10 * PER
+    for second in range(80):
+        text = generator.randbytes(2_000).hex()
+        data = encode_array([Status(0, "motor", text, "m", ())], WALL + second)
+        rings.receive(Stream(TOPICS[0]), data, at(second))
+        rings.compress()
+    assert 2 * RING < rings.size <= 10 * RING
+
+
 def test_what_nobody_compresses_is_dropped_and_counted(monkeypatch):
     monkeypatch.setattr(rings_module, "WAITING", 1_000)
     rings = Rings()
     for second in range(20):
         rings.receive(Stream(TOPICS[0]), message(second), at(second))
-    assert rings.dropped
+    assert rings.dropped + len(rings._waiting) == 20
     assert rings.size <= 1_000
 
 

@@ -56,11 +56,21 @@ def test_retention_is_a_duration_and_a_size():
     [
         ("web.telemetry-path", ["metrics", "/{job}", "/a?b", ""], "is not a path such as /metrics"),
         ("alertmanager.url", ["localhost:9093", "ftp://a", "http://"], "is not a URL"),
-        ("alertmanager.url", ["http://ann:secret@a:9093"], "--alertmanager.password-file"),
+        (
+            "alertmanager.url",
+            ["http://ann:secret@a:9093", "ann:secret@a:9093", "http://ann:secret@"],
+            "--alertmanager.password-file",
+        ),
+        ("web.runbooks-url", ["http://ann:secret@w"], "everybody sees the pages' links"),
         ("alertmanager.user", ["ann"], "--alertmanager.password-file"),
         ("storage.path", [""], "'' is no file; none keeps nothing"),
         ("storage.retention.time", ["90"], "'90' is not a duration such as 90d"),
         ("storage.retention.size", ["1TB"], "'1TB' is not a size such as 256MB"),
+        ("storage.retention.size", ["256MB2"], "'256MB2' is not a size such as 256MB"),
+        ("prometheus.url", ["http://ann:secret@p:9090"], "--prometheus.password-file"),
+        ("prometheus.user", ["ann"], "--prometheus.user needs --prometheus.password-file"),
+        ("live", ["http://localhost:9877"], "--live needs --config.check"),
+        ("storage.pat", ["x.db"], "unrecognized arguments: --storage.pat"),
     ],
 )
 def test_a_wrong_flag_is_named(capsys, flag, values, error):
@@ -71,3 +81,20 @@ def test_a_wrong_flag_is_named(capsys, flag, values, error):
         stderr = capsys.readouterr().err
         assert error in stderr
         assert "secret" not in stderr
+
+
+def test_what_excludes_or_needs_something_else_is_named(capsys):
+    user = ["--prometheus.user=ann", "--prometheus.password-file=p"]
+    for given, error in (
+        ([*user, "--prometheus.bearer-token-file=t"], "not both"),
+        (["--web.enable-actions"], "--web.enable-actions needs --alertmanager.url"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            flags.parse(given)
+        assert ended.value.code == 2
+        assert error in capsys.readouterr().err
+
+
+def test_what_changes_something_by_the_web_is_off_unless_it_is_asked_for():
+    options = flags.parse([])
+    assert (options.lifecycle, options.actions, options.listen_addresses) == (False, False, None)

@@ -7,9 +7,15 @@ import io
 import json
 import sqlite3
 from contextlib import closing
+from types import SimpleNamespace
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.model import ZENOH
+from ros_diagnostics_tools.backtest import report
+from ros_diagnostics_tools.backtest.capsule import Capsule
+from ros_diagnostics_tools.commands import backtest
 from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, every_second, write_bag
 
@@ -42,6 +48,19 @@ def test_a_table_has_the_faults_and_a_summary(run):
     assert "critical" in out
     assert "1 notification, 0 of them last, 1 outage too short to notify" in out
     assert "times real time" in out
+
+
+def test_what_is_not_in_the_table_is_in_the_csv_that_it_names(run, monkeypatch):
+    monkeypatch.setattr(report, "SHOWN", 0)
+    assert "and 1 more: --output csv has all" in run()[1]
+    assert run("--output", "csv")[0] == 0
+
+
+@pytest.mark.parametrize("domain_id", [7, ZENOH])
+def test_a_capsule_is_of_the_domain_that_it_names(domain_id):
+    capsule = Capsule({"domain_ids": [domain_id]}, b"")
+    options = SimpleNamespace(domain_id=None)
+    assert backtest._domain(Fleet("f", ()), options, capsule) == domain_id
 
 
 def test_json_has_everything(run):

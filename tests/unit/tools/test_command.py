@@ -240,9 +240,11 @@ def test_a_test_page_has_the_labels_of_a_fault_and_says_that_it_is_a_test(alertm
 def test_a_test_page_that_goes_elsewhere_or_nowhere_fails(alertmanager, capsys):
     assert main(["test-page", "robot_1", "--receiver", "boss"]) == 1
     assert "do not lead to 'boss' but to on-call, email" in capsys.readouterr().err
-    alertmanager.status = {"state": "suppressed", "silencedBy": ["x"], "inhibitedBy": []}
-    assert main(["test-page", "robot_1"]) == 1
-    assert "nobody is notified" in capsys.readouterr().err
+    for by in ("silencedBy", "inhibitedBy"):
+        lists = {"silencedBy": [], "inhibitedBy": []}
+        alertmanager.status = {"state": "suppressed", **lists, by: ["x"]}
+        assert main(["test-page", "robot_1"]) == 1
+        assert "nobody is notified" in capsys.readouterr().err
     assert main(["test-page", "robot_2"]) == 1
     assert "no robot 'robot_2'" in capsys.readouterr().err
 

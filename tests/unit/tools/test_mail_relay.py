@@ -7,11 +7,12 @@ from contextlib import contextmanager
 from email import message_from_bytes, policy
 from email.message import EmailMessage
 
+import click
 import pytest
 from aiosmtpd.controller import Controller
 
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_tools.commands.mail_relay import command
+from ros_diagnostics_tools.commands.mail_relay import Address, Size, command
 from ros_diagnostics_tools.mail_relay import FAULTS, Relay, Smarthost, attached, from_exporter
 
 FIRST, SECOND = "0123456789ab", "ba9876543210"
@@ -177,3 +178,20 @@ def test_wrong_arguments_are_named(arguments, said):
     found = CliRunner().invoke(command, arguments)
     assert found.exit_code == 2
     assert said in found.output
+
+
+def test_sizes_and_addresses_of_the_flags():
+    sizes = [Size().convert(each, None, None) for each in ("100kB", "2 MB")]
+    assert sizes == [100_000, 2_000_000]
+    addresses = [Address().convert(each, None, None) for each in ("a:25", "[::1]:2525")]
+    assert addresses == [("a", 25), ("::1", 2525)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [(Size(), "2"), (Size(), "2GB"), (Address(), "a"), (Address(), ":25"), (Address(), "a:0"),
+     (Address(), "a:65536")],
+)  # fmt: skip
+def test_a_size_or_an_address_that_is_none_is_wrong_usage(kind, text):
+    with pytest.raises(click.BadParameter):
+        kind.convert(text, None, None)

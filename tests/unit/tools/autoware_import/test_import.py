@@ -171,7 +171,9 @@ def test_packages_of_sourced_workspaces_are_found(cart, monkeypatch, capsys):
     arguments = ["import", "autoware", str(cart / "main.yaml")]
     assert main(arguments) == 2
     assert "where is the package cart_arm? Source its workspace" in capsys.readouterr().err
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(cart / "install"))
+    (cart / "underlay/share/cart_arm").mkdir(parents=True)  # empty: the overlay's is read
+    prefixes = f"{cart / 'install'}:{cart / 'underlay'}"
+    monkeypatch.setenv("AMENT_PREFIX_PATH", prefixes)
     assert main(arguments) == 1
 
 
@@ -225,6 +227,33 @@ def test_an_edit_that_removes_nothing_is_said(tmp_path):
     assert (found["/x"], found["/y"]) == (reason, reason)
 
 
+def test_an_edit_that_removes_nothing_is_not_imported_whole(tmp_path):
+    made = convert(graph(tmp_path, f"units:\n{MOTOR}edits: [{{type: remove, path: /x}}]"), "f", "p")
+    assert [each.is_whole for each in made.rows] == [True, False]
+
+
+def test_an_expression_of_an_edit_matches_whole_paths(tmp_path):
+    other = "  - {path: /motor_2, type: diag, node: n, name: motor 2}\n"
+    found = graph(tmp_path, f"units:\n{MOTOR}{other}edits: [{{type: remove, regex: /motor}}]")
+    assert [each.path for each in found.units if each.removed] == ["/motor"]
+
+
+def test_a_path_in_two_files_is_an_error_that_names_both(tmp_path):
+    paths = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
+    for each in paths:
+        each.write_text(f"units:\n{MOTOR}")
+    with pytest.raises(GraphError, match=r"b\.yaml:2: /motor: is in .*a\.yaml:2, too"):
+        read(paths, {})
+
+
+@pytest.mark.parametrize("written", [".inf", "true", "0", "-1"])
+def test_what_is_no_time_is_no_timeout(tmp_path, written):
+    unit = f"{{path: /a, type: diag, node: n, name: x, timeout: {written}}}"
+    made = convert(graph(tmp_path, f"units: [{unit}]"), "f", "p")
+    assert "components" not in made.content["profiles"]["p"]
+    assert made.rows[0].text.endswith("is no time")
+
+
 def test_a_component_whose_units_have_different_timeouts_has_the_first(tmp_path):
     one = "{path: /a, type: diag, node: n, name: x, timeout: 1}"
     other = "{path: /b, type: diag, node: n, name: x, timeout: 2}"
@@ -269,10 +298,18 @@ def test_more_units_than_a_profile_may_have_are_imported_in_parts(tmp_path):
     found = graph(tmp_path, f"units:\n{units}")
     with pytest.raises(GraphError, match="101 units with a path are more than the 100"):
         convert(found, "f", "p")
+    found.units.pop()
+    assert len(convert(found, "f", "p").content["profiles"]["p"]["capabilities"]) == 100
     made = convert(found, "f", "p", ["/u7"])
     assert [*made.content["profiles"]["p"]["capabilities"]] == ["u7"]
     with pytest.raises(GraphError, match="--unit /x: no unit has this path"):
         convert(found, "f", "p", ["/x"])
+
+
+def test_two_long_names_differ_within_40_characters():
+    first, second = names_of([f"/{'long_' * 12}", f"/{'long-' * 12}"]).values()
+    assert (len(first), len(second)) == (39, 36)
+    assert second.endswith(" 2")
 
 
 @pytest.mark.parametrize(

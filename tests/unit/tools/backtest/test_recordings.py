@@ -260,3 +260,44 @@ def test_several_are_merged_by_time_and_their_pauses_are_known(tmp_path):
         assert recordings.count == 8
         periods = [Period(round(b - BEGIN), round(e - BEGIN)) for b, e in recordings.periods]
         assert periods == [(0, 5), (60, 61)]
+
+
+def test_a_recording_within_another_does_not_end_its_period(tmp_path):
+    bags = [
+        write_bag(tmp_path / f"bag_{begin}", every_second(range(begin, end), {"motor": []}))
+        for begin, end in ((0, 100), (10, 20))
+    ]
+    with closing(opened(*bags)) as recordings:
+        assert recordings.periods == [Period(BEGIN, BEGIN + 99)]
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_messages_that_were_written_late_are_read_in_order_of_time(tmp_path, storage):
+    bag = write_bag(tmp_path / "bag", every_second([0, 2, 1, 4, 3], {"motor": []}), storage)
+    seconds, _statuses, warnings = read(bag)
+    assert (seconds, warnings) == ([0, 1, 2, 3, 4], [])
+
+
+def test_files_of_one_name_in_an_archive_are_all_read(tmp_path):
+    archive = tmp_path / "bags.zip"
+    with zipfile.ZipFile(archive, "w") as out:
+        for begin in (0, 10):
+            bag = write_bag(tmp_path / str(begin), every_second([begin], {"motor": []}))
+            (file,) = bag.glob("*.mcap")
+            out.write(file, f"{begin}/bag.mcap")
+    assert read(archive)[0] == [0, 10]
+
+
+@pytest.mark.parametrize("names", [("sec", "nanosec"), ("secs", "nsecs")])
+def test_the_stamp_of_a_printed_message_has_its_fraction(tmp_path, names):
+    stamp = dict(zip(names, (int(BEGIN), 250_000_000), strict=True))
+    path = tmp_path / "echo.json"
+    path.write_text(json.dumps({"header": {"stamp": stamp, "frame_id": ""}, "status": []}))
+    with closing(opened(path)) as recordings:
+        assert [each.at - BEGIN for each in recordings.messages()] == [0.25]
+
+
+def test_a_message_of_ros_1_with_more_behind_it_is_undecodable():
+    whole = ros1_array([Status(2, "motor", "hot")])
+    with pytest.raises(ValueError, match="is no DiagnosticArray of ROS 1"):
+        ros1.decode(whole + b"\0")

@@ -8,8 +8,9 @@ import pytest
 
 from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Discovery, Fleet, Robot, Source
+from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.regex import Pattern
-from support.bags import BEGIN, every_second, fleet, judged, texts, write_bag, write_json
+from support.bags import BEGIN, TOPIC, every_second, fleet, judged, texts, write_bag, write_json
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
@@ -38,6 +39,13 @@ def test_what_is_over_before_it_is_confirmed_is_a_short_outage(tmp_path):
     assert (outage.begin, outage.end) == (BEGIN + 40, BEGIN + 43)
 
 
+def test_an_outage_is_as_bad_as_its_worst_level(tmp_path):
+    levels = [0, 1, 2, 1, 0]
+    rows = [(float(n), TOPIC, (Status(each, "motor"),)) for n, each in enumerate(levels)]
+    (outage,) = judged(fleet(), write_bag(tmp_path / "bag", rows)).outages
+    assert (outage.worst, outage.seconds) == ("ERROR", 3)
+
+
 def test_what_is_in_trouble_from_the_first_message_on_is_an_outage(tmp_path):
     bag = write_bag(tmp_path / "bag", every_second(range(60), {"motor": range(45), "arm": [0, 1]}))
 
@@ -58,6 +66,7 @@ def test_a_silent_robot_is_notified_and_its_components_are_not(tmp_path):
     assert texts(result) == ["59 79.25 120 r silent"]
     (outage,) = [each for each in result.outages if each.worst == "silent"]
     assert (outage.robot, outage.component, outage.verdict) == ("r", "", "notified")
+    assert (outage.begin, outage.end) == (BEGIN + 59, BEGIN + 120)
 
 
 def test_between_two_recordings_nothing_is_known(tmp_path):

@@ -147,6 +147,26 @@ def test_values_that_are_apart_in_trouble_make_a_threshold(tmp_path):
     assert "6 times" in found.reason
 
 
+def test_values_that_are_lower_in_trouble_make_a_low_threshold(tmp_path):
+    empty = set(outages(20, 20, 20, 20, 20, 20, every=100))
+    rows = [
+        (
+            float(second),
+            TOPIC,
+            (
+                Status(
+                    int(second in empty), "m", "", "", (("V", "20" if second in empty else "24"),)
+                ),
+            ),
+        )
+        for second in range(1000)
+    ]
+
+    (found,) = [each for each in suggestions(tmp_path, rows) if each.entry.get("thresholds")]
+
+    assert (found.setting, found.proposed) == ("thresholds low warning", "22")
+
+
 def test_nothing_is_proposed_without_a_reason(tmp_path):
     rows = every_second(range(600), {"motor": outages(5, every=100)})
 

@@ -8,10 +8,13 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
 
 from ros_diagnostics_tools.main import main
+from ros_diagnostics_tools.nagios.comparison.log import read
+from ros_diagnostics_tools.nagios.comparison.notice import Notice, changes
 
 DAY = 1_767_225_600  # 2026-01-01
 MOTOR = {"scope": "component", "robot": "r1", "group": "/Motor", "component": "Motor 2"}
@@ -169,6 +172,26 @@ def test_the_pattern_of_a_service_is_given_where_it_is_not_its_name(site):
 
     assert site.compare()[0] == 1
     assert site.compare("--service", "drives of the base=/motor")[0] == 0
+
+
+def test_what_is_stale_is_critical_as_in_nagios(site):
+    site.nagios(100, "CRITICAL")
+    site.here(100, state="stale")
+    assert site.compare() == (0, ANY)
+
+
+def test_archives_in_any_order_end_with_their_last_line(tmp_path):
+    paths = [tmp_path / name for name in ("new.log", "old.log")]
+    for path, at in zip(paths, (2_000, 1_000), strict=True):
+        path.write_text(f"[{at}] LOG ROTATION: DAILY\n[{at + 5}] end\n")
+    log = read(paths)
+    assert (log.begin, log.end) == (1_000.0, 2_005.0)
+
+
+def test_only_a_state_that_changes_is_a_change():
+    states = ("CRITICAL", "CRITICAL", "OK", "CRITICAL")
+    notices = [Notice(float(at), "r1", "Motor", state) for at, state in enumerate(states)]
+    assert [each.time for each in changes(notices)] == [0.0, 2.0, 3.0]
 
 
 def test_a_silent_robot_is_a_host_down_and_its_services_unknown(site):

@@ -213,6 +213,7 @@ def test_dependencies_inhibit(made):
         'robot = "arm_1"',
     ]
     assert first["target_matchers"][1] == 'robot = "arm_2"'
+    assert first["equal"] == ["fleet"]
 
 
 # -- the report ------------------------------------------------------------------------------
@@ -317,6 +318,17 @@ def test_components_without_a_service_of_their_own(tmp_path, services, seconds):
     (profile,) = load(tmp_path / FLEET).profiles.values()
     assert profile.components[-1].pattern.pattern == ".*"
     assert profile.components[-1].confirm_after == seconds
+
+
+def test_intervals_are_in_the_time_unit_of_the_main_file(tmp_path):
+    (tmp_path / "objects.cfg").write_text(RULES + service("Motor", 6))
+    path = tmp_path / "nagios.cfg"
+    path.write_text("cfg_file=objects.cfg\ninterval_length=10\n")
+
+    (tmp_path / FLEET).write_text(convert([path], OPTIONS).texts[FLEET])
+
+    (profile,) = load(tmp_path / FLEET).profiles.values()
+    assert profile.components[-1].confirm_after == 50
 
 
 def test_what_to_do_is_said_for_what_has_no_equivalent(made):
@@ -424,6 +436,7 @@ def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
     assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
         (FLEET, ROUTES, REPORT)
     )
+    (tmp_path / "new" / REPORT).unlink()  # one file that is there is enough
     assert main(command) == 1
     assert "overwrite them with --force" in capsys.readouterr().err
     assert main([*command, "--force"]) == 0

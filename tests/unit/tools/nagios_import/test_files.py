@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.files import NagiosError, read
 
 
@@ -29,6 +30,17 @@ def test_comments_continued_lines_and_aliases(tmp_path):
     ]
     assert found.directives[0].written == "hosts"
     assert found.directives[0].owner == "r1/motors; front"
+
+
+def test_of_a_directive_that_is_given_twice_the_last_counts(tmp_path):
+    (found,) = objects(tmp_path, "define host {\nuse a\nuse b\n}\n")
+    assert (found.value("use"), found.value("name")) == ("b", "")
+
+
+@pytest.mark.parametrize("line", ["check_ros -H r1 -N motor", "check_ros -Hr1 -Nmotor"])
+def test_an_argument_of_a_plugin_may_follow_its_letter_at_once(line):
+    found = plugin.parse(line)
+    assert (found.host, found.words, found.rest) == ("r1", "motor", ())
 
 
 def test_a_timeperiods_line_is_split_before_its_hours(tmp_path):

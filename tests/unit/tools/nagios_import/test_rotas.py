@@ -8,6 +8,8 @@ import pytest
 import yaml
 
 from ros_diagnostics_tools.nagios.importer.convert import ONCALL, ROUTES, ImportOptions, convert
+from ros_diagnostics_tools.nagios.importer.hours import Hours
+from ros_diagnostics_tools.nagios.importer.rotas import relieve_one_another
 from ros_diagnostics_tools.oncall.file import load
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
@@ -103,3 +105,15 @@ def test_hours_with_an_overlap_or_a_gap_stay_those_of_routes(tmp_path, night):
     assert ONCALL not in made.texts
     below = yaml.safe_load(made.texts[ROUTES])["routes"][0]["routes"]
     assert [each["active_time_intervals"] for each in below] == [["day"], ["night"]]
+
+
+@pytest.mark.parametrize(
+    ("morning", "evening", "expected"),
+    [((0, 720), (720, 1440), True), ((0, 720), (720, 1320), False), ((60, 720), (720, 1440), False),
+     ((0, 720), (700, 1440), False)],
+)  # fmt: skip
+def test_contacts_relieve_one_another_only_where_their_hours_make_whole_days(
+    morning, evening, expected
+):
+    found = [Hours(str(each), ((each,),) * 7) for each in (morning, evening)]
+    assert relieve_one_another(found) is expected

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_tools.oncall.build import built_until, hours
+from ros_diagnostics_tools.oncall.build import _Configuration, built_until, hours
 from support.shipped_rules import run_tool
 from support.time_intervals import contains
 
@@ -226,6 +226,29 @@ def test_amtool_accepts_what_is_built(run: Callable[..., Any], folder: Path, wee
         ours = [each for each in found if each != "email"]
         assert ours
         assert all(receivers in each for each in ours)
+
+
+@pytest.mark.parametrize(
+    ("intervals", "minutes"),
+    [("", 11), ("group_interval: 1m, ", 3), ("group_interval: 25s, ", 1)],
+    ids=["default", "of the route", "of seconds"],
+)
+def test_both_are_notified_for_twice_the_group_interval(
+    tmp_path: Path, intervals: str, minutes: int
+):
+    path = tmp_path / "alertmanager.yml"
+    path.write_text(f"route: {{receiver: a, routes: [{{{intervals}receiver: on-call}}]}}")
+
+    assert _Configuration(path).overlap({"on-call"}) == timedelta(minutes=minutes)
+
+
+def test_the_last_minute_of_a_day_is_in_the_hours_up_to_midnight():
+    midnight = datetime(2027, 3, 23, tzinfo=UTC)
+
+    found = hours(midnight - timedelta(hours=2), midnight)
+
+    assert contains(found, midnight - timedelta(minutes=1))
+    assert found[0]["times"] == [{"start_time": "22:00", "end_time": "24:00"}]
 
 
 @given(

@@ -68,6 +68,26 @@ def test_who_is_on_call_at_a_time(run: Run, at: str, expected: str):
     assert output.splitlines()[2].split()[2] == expected
 
 
+@pytest.mark.parametrize(
+    ("at", "expected"), [("07:59Z", "ben"), ("08:00Z", "anna"), ("08:59Z", "anna")]
+)
+def test_an_override_begins_at_the_time_of_its_offset(run: Run, at: str, expected: str):
+    override = "{person: anna, instead_of: ben, start: 2027-03-24T08:00Z, end: 2027-03-25T08:00Z}"
+    _, output, _ = run(f"{FILE}overrides: [{override}]", "who", "--at", f"2027-03-24T{at}", now=NOW)
+
+    assert output.splitlines()[2].split()[2] == expected
+
+
+def test_two_teams_have_events_of_their_own_in_a_calendar(run: Run):
+    levels = FILE.partition("- name: robots\n")[2]
+    arms = f"  - name: arms\n    matchers: [team = arms]\n{levels}"
+    _, output, _ = run(FILE.replace("teams:\n", f"teams:\n{arms}"), "icalendar", now=NOW)
+
+    found = [str(each["uid"]) for each in events(output)]
+    assert any("-arms-" in each for each in found)
+    assert len(set(found)) == len(found)
+
+
 def test_a_time_that_is_none(run: Run):
     code, output, errors = run(FILE, "who", "--at", "noon", now=NOW)
 

@@ -54,6 +54,7 @@ SECOND = "teams[robots].levels.second"
         ("[anna, ben]", "[anna, bne]", f'{SHIFT}.people[1]: "bne" is unknown; did you mean ben?'),
         ("anna@example.org", "anna", '4: people.anna.email: "anna" is not an address'),
         ('"+4915112345602"', "015112345602", "5: people.ben.phone: 15112345602 is not a telephone"),
+        ('"+4915112345602"', '"015112345602"', '5: people.ben.phone: "015112345602" is not a'),
         ("{email: anna@example.org}", "{}", "4: people.anna: cannot be reached"),
         (TURN, TURN.replace("09:00", "09:00Z"), f"{SHIFT}: since 2027-01-04T09:00:00+00:00 has an"),
         (
@@ -144,6 +145,14 @@ DAY = "person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00"
         (
             DAY.replace("09:00,", "09:00:30,") + ", level: first",
             ': "2027-03-24 09:00:30" has seconds; use a full minute',
+        ),
+        (
+            DAY.replace("25T09:00", "25T09:00:30") + ", level: first",
+            ': "2027-03-25 09:00:30" has seconds; use a full minute',
+        ),
+        (
+            DAY.replace("-25T", "-24T") + ", level: first",
+            '.end: "2027-03-24 09:00:00" is not after "2027-03-24 09:00:00"; let it end after its',
         ),
     ],
 )

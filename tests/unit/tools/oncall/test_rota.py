@@ -195,6 +195,16 @@ def test_nobody_is_on_call_before_the_first_turn():
     assert [each.people for each in found[1:]] == [{"a"}]
 
 
+def test_a_shift_that_begins_within_its_hours_has_the_rest_of_them():
+    nights = ((6, 22 * 60, 30 * 60),)  # Sunday 22:00 to Monday 06:00
+    shift = Shift(("a",), local("2027-03-01T00:00"), WEEK, BERLIN, nights)
+    begin, start, end = map(utc, ("2027-02-28T12:00", "2027-02-28T23:00", "2027-03-01T05:00"))
+
+    found = stretches([shift], [], begin, begin + DAY)
+
+    assert [(each.start, each.end) for each in found if each.people] == [(start, end)]
+
+
 @pytest.mark.parametrize(
     ("zone", "text", "expected"),
     [

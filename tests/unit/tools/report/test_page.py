@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from ros_diagnostics_tools.report.availability import Availability, availability
-from ros_diagnostics_tools.report.page import page, percent, summary, text
+from ros_diagnostics_tools.report.page import page, percent, subject_line, summary, text
 
 WEEK = {
     "availability": 0.98765,
@@ -66,6 +68,31 @@ def test_the_page_has_the_summary_and_escapes_what_robots_are_named():
     assert "1970-01-08 00:00 UTC" in html
     assert "http" not in html  # it loads nothing
     assert page(REPORT | {"robots": [], "worst_parts": []}).count("<h2>") == 4
+
+
+def test_a_fleet_whose_name_has_a_line_break_adds_no_header_to_the_mail():
+    subject = subject_line(REPORT | {"fleet": "hall\nBcc: x@example.org"})
+    assert "\n" not in subject
+
+
+def test_what_is_in_utc_is_so_on_every_machine(monkeypatch):
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        assert subject_line(REPORT) == "hall: robots, week until 1970-01-08 00:00 UTC"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+
+@pytest.mark.parametrize(
+    ("share", "colour"),
+    [(None, "#FFFFFF"), (1.0, "#1F7F63"), (0.9995, "#1F7F63"), (0.99, "#8FD3BD"),
+     (0.95, "#FFD92F"), (0.9499, "#C1121F"), (0.0, "#C1121F")],
+)  # fmt: skip
+def test_an_availability_has_the_colour_of_the_best_that_it_reaches(share, colour):
+    robot = {"robot": "r", "availability": share, "days": []}
+    assert f'<td style="background:{colour};' in page(REPORT | {"robots": [robot]})
 
 
 @pytest.mark.parametrize(
