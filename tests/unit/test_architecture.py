@@ -54,6 +54,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
             "capability_notes",
             "connection_flags",
             "errors",
+            "address",
             "pairs",
             "terminal",
             "times",

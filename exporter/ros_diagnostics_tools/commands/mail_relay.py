@@ -12,12 +12,12 @@ from typing import Any
 import click
 
 from ros_diagnostics_exporter.extras import install_command
+from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.mail_relay import Relay, Smarthost, from_exporter
 from ros_diagnostics_tools.servers import Servers, with_servers
 
 _UNITS = {"kB": 1_000, "MB": 1_000_000}
-_PORTS = 65_535
 
 
 class Size(click.ParamType[int]):
@@ -35,23 +35,6 @@ class Size(click.ParamType[int]):
         if found is None:
             self.fail(f"{value!r} is not a size such as 100kB or 2MB", param, ctx)
         return int(found[1]) * _UNITS[found[2]]
-
-
-class Address(click.ParamType[tuple[str, int]]):
-    """A host and a port; its value is both."""
-
-    name = "host:port"
-
-    def convert(
-        self, value: str | tuple[str, int], param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, int]:
-        """Both of them."""
-        if not isinstance(value, str):
-            return value
-        host, _, port = value.rpartition(":")
-        if not host or not port.isdecimal() or not 0 < int(port) <= _PORTS:
-            self.fail(f"{value!r} is not an address such as localhost:25", param, ctx)
-        return host.removeprefix("[").removesuffix("]"), int(port)
 
 
 @click.command(

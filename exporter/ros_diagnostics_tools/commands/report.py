@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import smtplib
 import sys
 from datetime import datetime
@@ -14,11 +15,11 @@ import click
 from ros_diagnostics_exporter.api.story import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.report.availability import DAY, Recorded
 from ros_diagnostics_tools.report.numbers import DAYS, numbers
 from ros_diagnostics_tools.report.page import page, subject_line, text
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import print_json
 from ros_diagnostics_tools.times import Moment
 
 PROMETHEUS_URL = "http://127.0.0.1:9090"
@@ -53,7 +54,7 @@ Examples:
 @click.option("--mail-to", multiple=True, metavar="ADDRESS", help="Mail it; repeatable.")
 @click.option("--mail-from", metavar="ADDRESS", help="The sender, with --mail-to.")
 @click.option(
-    "--smtp", default="127.0.0.1:25", show_default=True, metavar="HOST:PORT", help="Mail server."
+    "--smtp", type=Address(), default="127.0.0.1:25", show_default=True, help="Mail server."
 )
 @click.option("--output", type=click.Choice(("html", "json")), default="html", show_default=True)
 @with_servers
@@ -67,7 +68,7 @@ def command(
     file: Path | None,
     mail_to: tuple[str, ...],
     mail_from: str | None,
-    smtp: str,
+    smtp: tuple[str, int],
     output: str,
 ) -> None:
     """Report a week of the fleet beside the week before: availability, faults, notifications.
@@ -78,23 +79,19 @@ def command(
         raise click.UsageError("say which period: --week")
     if mail_to and not mail_from:
         raise click.UsageError("--mail-to needs --mail-from")
-    host, colon, port = smtp.rpartition(":")
-    if not (colon and port.isascii() and port.isdigit()):
-        raise click.UsageError(f"--smtp {smtp}: write HOST:PORT")
     found = _ask(servers, Client(prometheus, **servers.options), until, target / 100)
-    if output == "json":
-        print_json(found)
-    elif file is not None:
-        file.write_text(page(found), "utf-8")
-    elif not mail_to:
-        sys.stdout.write(page(found))
+    report = page(found) if output == "html" else f"{json.dumps(found, indent=2)}\n"
+    if file is not None:
+        file.write_text(report, "utf-8")
+    elif output == "json" or not mail_to:
+        sys.stdout.write(report)
     if mail_to:
         message = EmailMessage()
         message["Subject"], message["From"] = subject_line(found), mail_from
         message["To"] = ", ".join(mail_to)
         message.set_content(text(found))
         message.add_alternative(page(found), subtype="html")
-        with smtplib.SMTP(host, int(port), timeout=30) as server:
+        with smtplib.SMTP(*smtp, timeout=30) as server:
             server.send_message(message)
 
 
