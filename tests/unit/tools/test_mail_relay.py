@@ -12,8 +12,10 @@ import pytest
 from aiosmtpd.controller import Controller
 
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_tools.commands.mail_relay import Address, Size, command
+from ros_diagnostics_tools.address import Address
+from ros_diagnostics_tools.commands.mail_relay import Size
 from ros_diagnostics_tools.mail_relay import FAULTS, Relay, Smarthost, attached, from_exporter
+from ros_diagnostics_tools.main import main
 
 FIRST, SECOND = "0123456789ab", "ba9876543210"
 CAPSULES = {FIRST: b"\x89MCAP0\r\n" + bytes(range(256)) * 40, SECOND: b"\x89MCAP0\r\nsecond"}
@@ -172,12 +174,9 @@ def test_a_mail_server_that_does_not_answer_is_tried_again_by_alertmanager(free_
         (["--smarthost-user", "ann"], "need each other"),
     ],
 )
-def test_wrong_arguments_are_named(arguments, said):
-    from click.testing import CliRunner
-
-    found = CliRunner().invoke(command, arguments)
-    assert found.exit_code == 2
-    assert said in found.output
+def test_wrong_arguments_are_named(arguments, said, capsys):
+    assert main(["mail-relay", *arguments]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_sizes_and_addresses_of_the_flags():
