@@ -210,7 +210,7 @@ class DdsDomain(Reception):
         self._types = types
         self.last_look = now.wall
         self._report_links(topics, now)
-        nodes = self._endpoints.names.complete(node.get_node_names_and_namespaces())
+        nodes = self._endpoints.names.complete(node.get_node_names_and_namespaces(), now.mono)
         if self.receiver.update_nodes(self._domain, nodes, now):
             yield from self._watcher.look(node, dict(found), now)
             yield from self._endpoints.read(node, [name for name, _types in found], now)

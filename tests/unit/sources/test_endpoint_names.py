@@ -15,22 +15,42 @@ def test_a_node_is_there_while_any_of_its_endpoints_is_although_nobody_has_its_n
     names = EndpointNames()
     assert names.named("/a", [AMCL, LIDAR]) == [AMCL, LIDAR]
     names.named("/b", [ROOT, AMCL])
-    assert names.complete([("amcl", "/r")]) == [("amcl", "/r")]
+    assert names.complete([("amcl", "/r")], 0) == [("amcl", "/r")]
 
     names.named("/a", [])
     names.named("/b", [])
-    assert names.complete([]) == []
+    assert names.complete([], 1) == []
+    assert names.complete([], 26) == []
 
     names.named("/a", [AMCL._replace(node=NAMELESS)])  # lidar has not come back
     again = [each._replace(node=NAMELESS) for each in (ROOT, AMCL)]
     assert names.named("/b", again) == [ROOT, AMCL]
-    assert names.complete([]) == [("amcl", "/r"), ("n", "/")]
-    assert names.complete([("amcl", "/r"), ("x", "/")]) == [("amcl", "/r"), ("x", "/"), ("n", "/")]
+    assert names.complete([], 27) == [("amcl", "/r"), ("n", "/")]
+    both = [("amcl", "/r"), ("x", "/")]
+    assert names.complete(both, 28) == [*both, ("n", "/")]
 
     names.named("/b", [])
-    assert names.complete([]) == [("amcl", "/r")]
+    assert names.complete([], 29) == [("amcl", "/r")]
     names.named("/a", [AMCL])
-    assert names.complete([]) == []
+    assert names.complete([], 30) == []
+
+
+def test_an_endpoint_that_is_left_of_a_process_that_ended_shows_no_node_until_its_lease_is_over():
+    names = EndpointNames()
+    names.named("/a", [AMCL, LIDAR])
+    names.complete([("amcl", "/r"), ("lidar", "/r")], 0)
+    left = [each._replace(node=NAMELESS) for each in (AMCL, LIDAR)]
+
+    assert names.complete([("lidar", "/r")], 5) == [("lidar", "/r")]
+    assert names.complete([], 10) == []
+    assert names.named("/a", left) == left
+    names.complete([], 29.9)
+    assert names.named("/a", left) == left
+    names.complete([], 30)
+    assert names.named("/a", left) == [AMCL, left[1]]
+    assert names.complete([("amcl", "/r")], 34) == [("amcl", "/r")]
+    names.complete([], 35)  # amcl left again
+    assert names.named("/a", left) == [left[0], LIDAR]
 
 
 def test_an_endpoint_of_which_nothing_was_ever_known_has_no_name():
@@ -38,16 +58,17 @@ def test_an_endpoint_of_which_nothing_was_ever_known_has_no_name():
     names.named("/a", [AMCL])
     new = [Peer(NAMELESS, f"{ONE}03"), Peer(NAMELESS, f"{OTHER}01")]
     assert names.named("/a", new) == new
-    assert names.complete([]) == []
+    assert names.complete([], 0) == []
 
 
 def test_an_endpoint_that_its_node_has_given_up_while_it_goes_on_has_no_name():
     names = EndpointNames()
     names.named("/a", [AMCL])
-    names.complete([("amcl", "/r")])
+    names.complete([("amcl", "/r")], 0)
     nameless = AMCL._replace(node=NAMELESS)
     assert names.named("/a", [nameless]) == [nameless]
-    names.complete([])
+    names.complete([], 1)
+    names.complete([], 26)
     assert names.named("/a", [nameless]) == [AMCL]
 
 
