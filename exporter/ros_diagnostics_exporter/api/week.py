@@ -48,7 +48,7 @@ class Counting:
     def __init__(self, find: Callable[..., Iterable[dict[str, Any]]]) -> None:
         self._find = find
         self._faults: list[dict[str, Any]] = []  # of all events that were read
-        self._read = dict.fromkeys(KINDS, 0)  # the id of the last of each kind
+        self._read: dict[str, int] = {}  # the id of the last of each kind
         self._hour: float | None = None  # in which all were read
 
     def count(self, lasting: Iterable[dict[str, Any]], wall: float) -> Week | None:

@@ -203,6 +203,16 @@ def test_events_that_the_disk_kept_back_are_counted_in_the_next_hour(monkeypatch
     assert faults(7_320.0) == 3
 
 
+def test_the_first_event_of_a_log_counts():
+    sent = {"time": 7_010.0, "kind": "notified", "after": "firing", "since": 6_990.0, **LABELS}
+    counting = report.Counting(lambda kind, **_: [{**sent, "id": 1}] * (kind == "notified"))
+
+    counted = counting.count([fault(6_990.0, None, group="", component="", robot="")], 7_100.0)
+
+    assert counted is not None
+    assert counted.notifications == 1
+
+
 def test_the_week_is_counted_from_the_log_with_what_began_before_it_unless_there_is_too_much():
     labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
     of = labels | {"since": END - WEEK - 60}

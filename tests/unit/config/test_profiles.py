@@ -199,3 +199,15 @@ def test_own_rules_for_values_come_before_inherited_ones(fleet_of):
         for name, keys in {"default": ["Voltage"], "large": ["Voltage", "Current"]}.items()
     }
     assert found == {"default": [10.0], "large": [22.0, 3.0]}
+
+
+@pytest.mark.parametrize(
+    ("bound", "beyond", "held", "back"),
+    [("low", 9.9, 10.4, 10.5), ("high", 10.1, 9.6, 9.5)],
+)
+def test_a_value_is_beyond_a_threshold_until_it_is_back_by_the_margin(bound, beyond, held, back):
+    threshold = Threshold(bound, "critical", 10.0)
+    found = [threshold.is_beyond(each) for each in (beyond, 10.0, held)]
+    assert found == [True, False, False]
+    assert threshold.is_beyond(held, 0.05)
+    assert not threshold.is_beyond(back, 0.05)
