@@ -28,6 +28,16 @@ def test_one_that_changes_often_is_flapping_once_and_nothing_else():
     )
 
 
+def test_the_end_of_trouble_that_lasted_long_counts_as_a_change():
+    play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (5000, level("motor", OK), "recovered component/critical r1 motor"),
+        *((5000 + 2 * turn, level("motor", ERROR if turn % 2 else OK)) for turn in range(1, 6)),
+        (5012, level("motor", OK), f"began {FLAPPING}"),
+    )
+
+
 def test_a_component_that_moves_to_another_group_goes_on_to_flap():
     play(
         *changes(2, 6),

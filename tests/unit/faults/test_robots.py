@@ -155,6 +155,27 @@ def test_a_second_restart_is_settled_as_the_first_would_have_been():
     assert [last.faults.settled(last.at(second)) for second in (89, 90)] == [False, True]
 
 
+def test_silence_is_dated_from_the_earlier_of_two_last_messages_until_it_is_confirmed():
+    last = play(
+        (0, silent(last=-3)),
+        (1, silent(last=-5)),
+        (2, silent(last=-4)),
+        (10, None, "began robot/silent r1"),
+        (11, silent(last=-8)),
+    )
+    assert [each.since - WALL for each in last.faults.faults()] == [-5]
+    assert [each.since - WALL for each in last.faults.problems(last.at(11))] == [-5]
+
+
+def test_a_confirmed_fault_is_dated_long_enough_before_a_wall_clock_that_was_set_back():
+    last = player(["r1"], FaultSettings())
+    last.go(0, level("motor", ERROR))
+    last.go(15)
+    last.reborn(20, set_back=30)
+    (problem,) = last.faults.problems(last.at(last.second))
+    assert (problem.since - WALL, problem.due - WALL) == (-20, -10)
+
+
 def test_a_wall_clock_that_was_set_back_over_a_restart_confirms_nothing_earlier():
     last = player(["r1"], FaultSettings())
     last.go(20, level("camera", ERROR))
