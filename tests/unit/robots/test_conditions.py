@@ -224,6 +224,18 @@ def test_values_have_conditions_of_their_own(driver_of):
     ]
 
 
+def test_conditions_of_values_of_any_component_hold_for_it(driver_of):
+    driver = driver_of(
+        "values: [{key: Charge, thresholds: {low: {critical: 10}},"
+        " unless: {component: Charger, key: State, equals: charging}}]"
+    )
+    low = Status(OK, "Battery", "", "", (("Charge", "5"),))
+    driver.stand(SETTLED, low, CHARGING)
+    assert driver.fault_names() == set()
+    driver.stand(12, low, IDLE)
+    assert driver.fault_names() == {("value", "critical", "r", "Battery", "Charge", "low")}
+
+
 # -- config, restart, larger causes -------------------------------------------------------------
 
 

@@ -32,6 +32,7 @@ PLANNED = [
         ("r", 400.0, 400.0),
         ("r2", 1_000.0, None),
         ("r3", 1_800.0, 3_600.0),  # on a Thursday
+        ("r3", 604_800 * 50 + 1_800.0, 604_800 * 50 + 3_600.0),
     ],
 )
 def test_downtimes_without_a_gap_are_one_and_those_of_a_component_none(robot, wall, until):

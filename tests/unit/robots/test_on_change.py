@@ -144,3 +144,17 @@ def test_what_an_aggregator_no_longer_has_after_a_reboot_is_stale_until_it_is_pu
         if second == 199:
             assert level(driver)[0] == "STALE"
     assert level(driver)[0] == "OK"
+
+
+@pytest.mark.parametrize("source", [Source.RAW, Source.AGG])
+def test_it_is_over_in_time_although_nothing_else_is_due(source):
+    rule = replace(RULE, ends_after=2.0)
+    driver = StateDriver(source, stale_after=60.0, components=(rule,))
+    if source is Source.RAW:
+        driver.raw(MOTOR, SERIAL)
+    else:
+        driver.agg(*tree(Arms=(MOTOR, SERIAL)))
+    driver.at(1.75)
+    assert level(driver)[0] == "ERROR"
+    driver.at(2.25)
+    assert level(driver) == ("OK", "not reported again for 2s")

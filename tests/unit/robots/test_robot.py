@@ -308,6 +308,7 @@ def test_too_many_components_lose_only_the_surplus_and_never_the_known(caplog):
     assert driver.level("c1") == WARN
     assert driver.sample("robot_rejected_total", reason="component_limit") == 5
     assert caplog.text.count("components or groups beyond limits.components") == 1
+    assert "'x0'" in caplog.text
 
 
 def test_the_budget_of_series_is_kept_and_given_back():
@@ -398,3 +399,30 @@ def test_what_an_array_of_the_aggregator_lacks_is_missing_until_one_has_it():
 def test_what_the_ros_graph_shows_is_known_by_its_group():
     of_graph = [is_of_graph(("node", group, "")) for group in (f"query:{GROUP}", "query:x", GROUP)]
     assert of_graph == [True, False, False]
+
+
+def test_a_component_that_reports_no_more_is_shown_with_what_it_reported_last():
+    driver = StateDriver(stale_after=5.0)
+    driver.raw(HOT, Status(ERROR, "Arm"))
+    accounts = [driver.component(name).account for name in ("Motor 1", "Arm")]
+    assert accounts == ["Hot", ""]
+    driver.at(10)
+    accounts = [driver.component(name).account for name in ("Motor 1", "Arm")]
+    assert accounts == ["no longer reports; its last message: Hot", "no longer reports"]
+
+
+def test_a_check_counts_its_components_by_level():
+    driver = StateDriver(checks=(Check("motors", (re.compile("Motor"),)),))
+    driver.raw(HOT, LASER, *(MOTOR._replace(name=f"Motor {number}") for number in (2, 3)))
+    assert list(driver.robot.components.count_checks()) == [("motors", [2, 0, 1, 0])]
+
+
+def test_that_a_domain_cannot_be_joined_holds_for_another_topic_of_it_and_not_for_another_domain():
+    driver = StateDriver()
+    robot = driver.robot
+    robot.network.domain_up = False
+    other = replace(robot.settings, topic_raw="/other")
+    robot.configure(other, robot.limits, driver.now)
+    assert not robot.network.domain_up
+    robot.configure(replace(other, domain_id=other.domain_id + 1), robot.limits, driver.now)
+    assert robot.network.domain_up

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots.tree import TreeReader
 from support.recordings import CASES, aggregated, expected_names
+from support.state_driver import ERROR, OK, StateDriver, tree
 
 WITHOUT_ARRAYS = {"int_pub_rate", "int_timeout", "new_string_publish_values"}
 
@@ -130,3 +132,12 @@ def test_empty_and_blank_names_are_components_of_their_own():
     )
 
     assert found == {("/Other", ""), ("/Other", "   ")}
+
+
+def test_what_changed_is_received_behind_what_did_not():
+    motor = Status(OK, "Motor", "OK", "", (("U", "1"),))
+    driver = StateDriver(Source.AGG)
+    array = tree(Arms=(motor, Status(OK, "Laser", "OK")))
+    driver.agg(*array)
+    driver.agg(*array[:2], array[2]._replace(level=ERROR))
+    assert driver.level("Laser") == ERROR
