@@ -50,7 +50,7 @@ def test_the_first_fault_is_mailed_to_those_of_the_robots(tmp_path: Path):
     with newcomer(tmp_path) as person:
         person.has_a_mail_server()
         has_servers(person)
-        from_index, wheel = blocks("docs/deployment.md", "## Install")
+        from_index, wheel, _conda = blocks("docs/deployment.md", "## Install")
         person.does(from_index, 1200)
         person.does(wheel, 600)
         person.does("/opt/ros-diagnostics-exporter/bin/pip install ./sim", 600)
