@@ -80,11 +80,12 @@ def command(
     if mail_to and not mail_from:
         raise click.UsageError("--mail-to needs --mail-from")
     found = _ask(servers, Client(prometheus, **servers.options), until, target / 100)
-    report = page(found) if output == "html" else f"{json.dumps(found, indent=2)}\n"
-    if file is not None:
-        file.write_text(report, "utf-8")
-    elif output == "json" or not mail_to:
-        sys.stdout.write(report)
+    if file is not None or output == "json" or not mail_to:
+        report = page(found) if output == "html" else f"{json.dumps(found, indent=2)}\n"
+        if file is None:
+            sys.stdout.write(report)
+        else:
+            file.write_text(report, "utf-8")
     if mail_to:
         message = EmailMessage()
         message["Subject"], message["From"] = subject_line(found), mail_from
