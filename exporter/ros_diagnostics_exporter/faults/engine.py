@@ -470,13 +470,13 @@ class Faults:
         """The rows that changed since they were last taken; to be taken now and then."""
         return rows.take(self._book, now)
 
-    def restore(self, stored: Iterable[Row], now: Instant) -> None:
+    def restore(self, stored: Iterable[Row], now: Instant) -> list[Row]:
         """Put back the rows that a former process had, into an engine that has nothing yet.
 
         What follows is as it would have been there; robots that are no longer wanted are to be
-        forgotten. LookupError or ValueError: the rows are not what `take_rows` gave.
+        forgotten. Returns the rows that cannot be put back.
         """
-        rows.restore(self._book, stored, now)
+        return rows.restore(self._book, stored, now)
 
     def _robot(self, name: str) -> RobotRecord:
         robot = self._book.robots.get(name)

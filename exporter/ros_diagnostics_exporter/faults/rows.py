@@ -97,8 +97,11 @@ def take(book: Book, now: Instant) -> list[Row]:
     return taken
 
 
-def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
-    """Put rows back into an empty book."""
+def restore(book: Book, rows: Iterable[Row], now: Instant) -> list[Row]:
+    """Put rows back into an empty book; returns those that cannot be, which are left out.
+
+    A row that refers to one that is not there is such a row: a component of an unknown robot.
+    """
     clock = _Clock(now)
     readers: dict[str, Callable[[Book, tuple[str, ...], Any, _Clock], None]] = {
         "fleet": _read_fleet,
@@ -109,10 +112,15 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
         "problem": _read_problem,
         "end": _read_end,
     }
+    dropped: list[Row] = []
     for row in sorted(rows, key=lambda row: (_ORDER.index(row.kind), row.key)):
-        if row.fields is not None:
+        if row.fields is None:
+            continue
+        try:
             stored = SCHEMAS[row.kind].validate_python(row.fields)
             readers[row.kind](book, row.key, stored, clock)
+        except (LookupError, ValueError, TypeError):  # a part of its key names nothing
+            dropped.append(row)
     _bound(book, now)
     _count(book, now)
     _set_timers(book)
@@ -121,6 +129,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
     book.touched_causes.clear()
     book.touched_robots.clear()
     book.written.clear()
+    return dropped
 
 
 # -- writing -----------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ named by `parse`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -167,29 +168,35 @@ _ROW: TypeAdapter[Any] = TypeAdapter(
 )
 
 
-def parse(found: Any) -> tuple[list[Row], str]:
-    """The rows that are valid, and what is wrong with the others; "" for nothing."""
-    if not isinstance(found, list):
-        return [], "its faults are no list"
+def parse(stored: Iterable[Any]) -> tuple[list[Row], list[str]]:
+    """The rows that are valid, and what is wrong with each of the others."""
     rows: list[Row] = []
     wrong: list[str] = []
-    for number, each in enumerate(found, 1):
-        row = _row(each)
+    for content in stored:
+        row = _row(content)
         if isinstance(row, Row):
             rows.append(row)
         else:
-            wrong.append(f"row {number} of its faults: {row}")
-    more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-    return rows, f"{wrong[0]}{more}" if wrong else ""
+            wrong.append(row)
+    return rows, wrong
 
 
-def _row(found: Any) -> Row | str:
+def _row(content: Any) -> Row | str:
     """One row, or what is wrong with it."""
     try:
-        kind, key, fields = _ROW.validate_python(found)
-        _FIELDS[kind].validate_python(fields)
-    except KeyError as error:
-        return f"there are no rows of kind {error}"
+        kind, key, fields = _ROW.validate_python(content)
     except ValidationError as error:
-        return first_error(error)
-    return Row(kind, key, fields)
+        return f"a row of the faults: {first_error(error)}"
+    row = Row(kind, key, fields)
+    try:
+        _FIELDS[kind].validate_python(fields)
+    except KeyError:
+        return f"{named(row)}: there are no rows of this kind"
+    except ValidationError as error:
+        return f"{named(row)}: {first_error(error)}"
+    return row
+
+
+def named(row: Row) -> str:
+    """Which row of the faults it is, for the log."""
+    return f"{row.kind} {' '.join(filter(None, row.key))!r:.60}"

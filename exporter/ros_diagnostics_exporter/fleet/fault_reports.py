@@ -155,26 +155,25 @@ class FaultReports:
             self._report_fleet(now)
         self._record(self.engine.advance(now))
 
-    def restore(self, rows: Iterable[Row], now: Instant) -> None:
-        """Go on from the rows of an earlier process; nothing is received yet.
+    def restore(self, rows: Iterable[Row], now: Instant) -> list[Row]:
+        """Go on from the rows of an earlier process; returns those that cannot be restored.
 
-        Raises:
-            LookupError: the rows refer to what is not among them; nothing is restored.
-            ValueError: they are not rows of faults; nothing is restored.
+        Nothing is received yet.
         """
         now, rows = self._time(now), list(rows)
         faults = Faults(self._fleet.faults)
-        faults.restore(rows, now)
+        dropped = faults.restore(rows, now)
         faults.started(now, self._fleet.longest_confirm_after)
         self.engine, self._fleet_source = faults, None
         for kind, key, fields in rows:
-            if kind == "robot" and fields is not None and key[0] not in self._robots:
+            if kind == "robot" and fields is not None and key and key[0] not in self._robots:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
             reports.robot.marks.note(Mark.ACCOUNT)  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
+        return dropped
 
     def take_rows(self, now: Instant) -> list[Row]:
         """The rows that changed since they were last taken, of all what `restore` needs."""

@@ -329,12 +329,10 @@ class FleetState(WatchedFleet):
                     if robot.up:  # without ROS: nothing else would have its faults know
                         self._look_at_latest(robot, now.mono)
 
-    def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
+    def restore_faults(self, rows: Iterable[Row], now: Instant) -> list[Row]:
         """Go on from the rows of an earlier process; to be called after `restore`.
 
-        Raises:
-            LookupError: the rows refer to what is not among them; nothing is restored.
-            ValueError: they are not rows of faults; nothing is restored.
+        Returns those that cannot be restored: they refer to what is not among them.
         """
         rows = list(rows)
         for row in rows:
@@ -342,10 +340,11 @@ class FleetState(WatchedFleet):
                 planned: Any = row.fields["planned"]
                 self.plan([Downtime(*each) for each in planned], now)
         with self._watching:
-            self._watch.restore({row.key[0]: row.fields for row in rows if row.kind == LEARNED})
+            learned = {row.key[0]: row.fields for row in rows if row.kind == LEARNED and row.key}
+            self._watch.restore(learned)
         with self._lock:
             others = (DOWNTIMES, LEARNED)
-            self._faults.restore([row for row in rows if row.kind not in others], now)
+            return self._faults.restore([row for row in rows if row.kind not in others], now)
 
     # -- queries -----------------------------------------------------------------------------
 

@@ -57,6 +57,7 @@ LOADING = 30.0  # seconds that the start waits for the disk
 CHECKING = 5.0  # seconds of these for looking for damage
 MAX_ASIDE = 10  # damaged files that are kept
 MAX_SALVAGED = 10_000  # events of a damaged file
+MAX_NAMED = 5  # rows that are dropped
 MAX_NAME = 1024  # characters of a robot's name
 ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` at its last write
 
@@ -81,6 +82,7 @@ class _Found:
     written_at: float | None = None  # by its `AgeClock`
     damage: str = ""
     obstacle: str = ""
+    dropped: list[str] = field(default_factory=list)  # rows that are not valid, and why
     restored: str = ""  # what of a damaged file is restored, for the log
     salvaged: list[Numbered] = field(default_factory=list)
 
@@ -88,22 +90,25 @@ class _Found:
         """Note what is wrong; nothing where ``what`` is ""."""
         self.damage = "; ".join(filter(None, (self.damage, what)))
 
-    def add_robots(self, found: Iterable[tuple[str, Any, Any]]) -> None:
+    def add_robots(self, stored_robots: Iterable[tuple[str, Any, Any]]) -> None:
         """Keep the valid ones of these: name, fields, and when last received, if later."""
-        wrong: list[str] = []
-        for name, fields, seen in found:
+        for name, fields, seen in stored_robots:
             robot = _robot(name, fields, seen)
             if isinstance(robot, PersistedRobot):
                 self.robots[name] = robot
             else:
-                wrong.append(f"robot {name!r:.60}: {robot}")
-        more = f", and {len(wrong) - 1} more robots" if len(wrong) > 1 else ""
-        self.add_damage(f"{wrong[0]}{more}" if wrong else "")
+                self.dropped.append(f"robot {name!r:.60}: {robot}")
 
-    def add_rows(self, found: Any) -> None:
+    def add_rows(self, stored_rows: Iterable[Any]) -> None:
         """Keep the valid rows of the faults."""
-        self.rows, wrong = stored.parse(found)
-        self.add_damage(wrong)
+        self.rows, wrong = stored.parse(stored_rows)
+        self.dropped += wrong
+
+    def drop(self, rows: Iterable[Row]) -> None:
+        """Leave out rows of the faults that refer to what is not there."""
+        for row in rows:
+            self.rows.remove(row)
+            self.dropped.append(f"{stored.named(row)}: what it refers to is not there")
 
 
 class Storage:
@@ -155,9 +160,9 @@ class Storage:
     def load(self, state: FleetState, now: Instant) -> int:
         """Restore what an earlier process knew, and return the id of its last event.
 
-        What is valid in a damaged file is restored, and the first write renames it to the first
-        free of ``<path>.damaged-1`` to ``-10``. One that cannot be read is left alone, and nothing
-        is saved until it is moved away.
+        A row that is not valid is dropped and logged. What is valid in a damaged file is restored,
+        and the first write renames it to the first free of ``<path>.damaged-1`` to ``-10``. One
+        that cannot be read is left alone, and nothing is saved until it is moved away.
 
         Raises:
             InUseError: another exporter has the database open.
@@ -169,14 +174,19 @@ class Storage:
             return 0
         self._age.set(found.written_at, now)
         state.restore(found.robots, now)
-        try:
-            state.restore_faults(found.rows, now)
-        except (LookupError, ValueError) as error:
-            found.add_damage(f"its faults do not belong together: {error!r:.80}; none is restored")
-        else:
-            self._rows = {key: text for key, text in map(_row_as_json, found.rows) if text}
+        found.drop(state.restore_faults(found.rows, now))
+        self._rows = {key: text for key, text in map(_row_as_json, found.rows) if text}
+        self._log_dropped(found.dropped)
         found.restored = f", {len(found.robots)} robots of it are restored"
         return found.last_event
+
+    def _log_dropped(self, dropped: list[str]) -> None:
+        """Name the first rows that are dropped; the first write deletes them."""
+        if dropped:
+            named = "; ".join(dropped[:MAX_NAMED])
+            more = f"; and {len(dropped) - MAX_NAMED} more" if len(dropped) > MAX_NAMED else ""
+            what = "rows are not valid and dropped, the others restored"
+            log.error("database %s: %d %s: %s%s", self._path, len(dropped), what, named, more)
 
     def _read_in_time(self) -> _Found:
         """What is in the file; read in a thread, because a disk may hang."""
@@ -227,7 +237,7 @@ class Storage:
         found.last_event = self._last_event = database.last_event()
         found.written_at = database.written_at()
         found.add_robots((name, _decoded(text), seen) for name, text, seen in database.robots())
-        found.add_rows([[row[0], *map(_decoded, row[1:])] for row in database.faults()])
+        found.add_rows([row[0], *map(_decoded, row[1:])] for row in database.faults())
 
     def _block(self, what: str) -> None:
         self._blocked, self._successful = True, False

@@ -100,21 +100,12 @@ def levels(site, name: str) -> set[str]:
     return {each["level"] for each in robots[name]["components"]}
 
 
-def changed(path, statement: str) -> bytes:
-    """The bytes of a database after a change."""
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute(statement)
-    return path.read_bytes()
-
-
 def test_damaged_databases_are_renamed_and_the_exporter_starts(site, database):
     whole = database.read_bytes()
-    wrong_level = "json_set(data, '$.components[0].level', 7)"
-    wrong_robot = changed(
-        database, f"UPDATE robots SET data = {wrong_level} WHERE name = 'robot_2'"
-    )
     zeros = whole[:4096] + bytes(len(whole) - 4096)
-    damages = (zeros, b'{"version": 1, "robots": []}', wrong_robot)
+    free = int.from_bytes(whole[36:40], "big") + 5
+    counted = whole[:36] + free.to_bytes(4, "big") + whole[40:]
+    damages = (zeros, b'{"version": 1, "robots": []}', counted)
     for number, damaged in enumerate(damages, 1):
         database.write_bytes(damaged)
         exporter = site.serve()
@@ -122,11 +113,11 @@ def test_damaged_databases_are_renamed_and_the_exporter_starts(site, database):
         exporter.wait_for_output(f"it is kept as {aside}")
         until(lambda: metric(site, "storage_last_write_successful") == 1, exporter.describe)
         known = [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]]
-        assert known == (["robot_1"] if damaged is damages[-1] else [])
+        assert known == (["robot_1", "robot_2"] if damaged is damages[-1] else [])
         assert aside.read_bytes() == damaged
         assert exporter.stop() == 0
     with closing(sqlite3.connect(database)) as connection:
-        assert list(connection.execute("SELECT name FROM robots")) == [("robot_1",)]
+        assert [*connection.execute("SELECT name FROM robots")] == [("robot_1",), ("robot_2",)]
 
 
 # The exporter on a machine whose disk no longer answers once it has written.

@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.faults.model import Fault
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Array, Status, Topic
 from support.state_driver import ERROR, OK, StateDriver
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
@@ -92,8 +94,8 @@ def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     with caplog.at_level(logging.ERROR):
         after = before.restart(path)
         after.save()
-    assert "of its faults" in caplog.text
-    assert path.with_name("state.damaged-1").exists()
+    assert "1 rows are not valid and dropped, the others restored: " in caplog.text
+    assert [each.name for each in path.parent.glob("*damaged*")] == []
     assert names(after.state.faults()) == {"Laser"}
     after.raw_every(1, 15, HOT, LASER)
     assert names(after.state.faults()) == {"Laser", "Motor"}
@@ -114,10 +116,42 @@ def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
     with caplog.at_level(logging.ERROR):
         after = before.restart(path)
         after.save()
-    assert "faults" in caplog.text
+    assert "rows are not valid and dropped, the others restored: " in caplog.text
+    assert [each.name for each in path.parent.glob("*damaged*")] == []
     assert [each.name for each in after.robot.components] == ["Motor"]
     after.raw_every(1, 15, HOT)
     assert names(after.state.faults()) == {"Motor"}
+
+
+def test_what_refers_to_a_dropped_row_is_dropped_and_the_rest_restored(path, caplog):
+    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in ("r", "s"))
+    before = StateDriver(fleet=Fleet("f", tuple(robots)))
+    for second in range(1, 20):
+        before.at(second)
+        for name in ("r", "s"):
+            array = Array(0.0, (HOT,), 100)
+            before.state.receive(Topic(0, f"/{name}/diagnostics"), array, before.now)
+    before.keep(path)
+    assert len(before.state.faults()) == 2
+
+    def change(rows: list[Any]) -> None:
+        [robot] = [row for row in rows if row[:2] == ["robot", ["r"]]]
+        robot[2]["presence"] = "flying"
+
+    edited(before, path, change)
+    events = len(list(before.log.find(Wanted(limit=1000))))
+    after = before.restart(path)
+    after.save()
+    assert [fault.identity.robot for fault in after.state.faults()] == ["s"]
+    what = "3 rows are not valid and dropped, the others restored: robot 'r': presence"
+    assert what in caplog.text
+    assert "component 'r Motor': what it refers to is not there" in caplog.text
+    assert [each.name for each in path.parent.glob("*damaged*")] == []
+    assert len(list(after.log.find(Wanted(limit=1000)))) >= events
+    after.close()
+    caplog.clear()
+    after.restart(path)
+    assert "dropped" not in caplog.text
 
 
 def test_only_rows_that_changed_are_written(path):
