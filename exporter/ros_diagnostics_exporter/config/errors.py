@@ -109,6 +109,7 @@ _KINDS = {
     "dataclass_type": ("a mapping", _PAIRS),
 }
 _PROFILE = ("profiles", "default")
+RENAMED = {"behind": "depends_on"}
 _LIMITS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
 
@@ -132,8 +133,14 @@ def explanation(error: ErrorDetails, model: type) -> Explanation:
         key = str(where[-1])
         if len(where) == 1 and key in keys_at(model, _PROFILE):
             return Explanation(where, "is a key of profiles", f"write it in {'.'.join(_PROFILE)}")
-        return Explanation(where, "is not a key", suggestion(key, keys_at(model, where[:-1])))
+        return Explanation(where, *_unknown(key, keys_at(model, where[:-1])))
     return Explanation(where, *_about_value(error))
+
+
+def _unknown(key: str, known: list[str]) -> tuple[str, str]:
+    if RENAMED.get(key) in known:
+        return f"is now called {RENAMED[key]}", "rename it"
+    return "is not a key", suggestion(key, known)
 
 
 def _about_value(error: ErrorDetails) -> tuple[str, str]:

@@ -92,10 +92,10 @@ class ComponentRule(Conditional, Entry, title="Component"):
         example=True,
         default=False,
     )
-    behind: Words = described(
+    depends_on: Words = described(
         "Words, case ignored, of the name of another component of the robot that they depend on. "
         "While that is ERROR or flaps, or STALE as they are, no trouble of theirs begins to be a "
-        "fault ([behind](queries.md#behind)).",
+        "fault ([depends_on](queries.md#depends_on)).",
         example="Power",
         default=(),
     )
@@ -294,6 +294,13 @@ class Profile(Entry):
     )
     confirm_after: Duration = described(
         "Time after which a problem is confirmed.", example="30s", default=10.0
+    )
+    boot_grace: Duration = described(
+        "Time for which trouble is suppressed that is there from the first message after a "
+        "silence, as of drivers that report ERROR until they are up. Trouble of what was OK first "
+        "is not.",
+        example="1m",
+        default=0.0,
     )
     forget_after: PositiveDuration = described(
         "Time without an update after which a component of a silent robot, or of planned STALE, is "

@@ -1,4 +1,4 @@
-"""Which components of a robot are behind which others, by fleet.yml's `behind`."""
+"""Which components of a robot are behind which others, by fleet.yml's `depends_on`."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def find(names: Mapping[Component, ComponentName]) -> Found:
 
 
 def _rule_has_it(component: Component) -> bool:
-    return component.rule is not None and bool(component.rule.behind)
+    return component.rule is not None and bool(component.rule.depends_on)
 
 
 def _directly(
     component: Component, names: Mapping[Component, ComponentName]
 ) -> Iterator[Component]:
-    patterns = () if component.rule is None else component.rule.behind
+    patterns = () if component.rule is None else component.rule.depends_on
     for each in names:
         if any(pattern.search(each.identity[0][:SEARCHED]) for pattern in patterns):
             yield each

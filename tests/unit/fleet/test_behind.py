@@ -25,7 +25,7 @@ PARTS = ("Laser", "Camera", "Motor", "Power")
 
 def profile(**behind: str) -> Profile:
     rules = (
-        ComponentRule(pattern=Pattern(match.replace("_", " ")), behind=(Pattern(of),))
+        ComponentRule(pattern=Pattern(match.replace("_", " ")), depends_on=(Pattern(of),))
         for match, of in behind.items()
     )
     return Profile(components=tuple(rules))
