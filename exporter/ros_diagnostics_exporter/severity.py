@@ -28,7 +28,7 @@ COLOURS = {
 QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
-    "unreachable": "the robot is behind an uplink or a DDS domain that fails",
+    "unreachable": "the robot's uplink or its DDS domain fails",
     "maintenance": "maintenance",
     "restart": "the exporter has just started",
     "returned": "the robot has just come back",
@@ -37,14 +37,14 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
-    "behind": "what it is behind fails",
-    "capability": "something that the robot can no longer do well, and that needs it, is reported",
+    "depends_on": "a component that it depends on fails",
+    "capability": "a capability that needs it is reported",
     "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
 # Reasons: it is part of a larger fault.
-OF_LARGER = {"site", "common", "many", "behind", "capability"}
+OF_LARGER = {"site", "common", "many", "depends_on", "capability"}
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -216,8 +216,11 @@ def _without_milder(problems: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
 
 
 def _about(problem: dict[str, Any]) -> tuple[str, ...]:
-    names = ("scope", "robot", "site", "group", "component", "check", "key", "bound")
-    return (*(problem[name] for name in names), "many" if problem["state"] == "many" else "")
+    names = ("scope", "robot", "group", "component", "check", "key", "bound")
+    # A fault has the site of its robot, and a problem that is no fault yet has none.
+    site = problem["site"] if problem["scope"] == "site" else ""
+    many = "many" if problem["state"] == "many" else ""
+    return (*(problem[name] for name in names), site, many)
 
 
 def subject(problem: dict[str, Any]) -> str:

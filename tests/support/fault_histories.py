@@ -29,7 +29,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level
-EXPLAINED = (Reason.BEHIND, Reason.CAPABILITY)
+EXPLAINED = (Reason.DEPENDS_ON, Reason.CAPABILITY)
 WALL = 1_000_000.0  # Unix time at second 0
 READY = -100.0  # second at which the robots are first received; the engine starts before
 Event = Callable[[Faults, Instant], "list[Change]"]
@@ -98,7 +98,7 @@ def maintenance(*robots: str, planned: bool) -> Event:
 
 def unreachable(*robots: str, is_so: bool) -> Event:
     """What these robots are behind begins to fail, or no longer does."""
-    return lambda faults, now: faults.unreachable(dict.fromkeys(robots, is_so), now)
+    return lambda faults, now: faults.cut_off(dict.fromkeys(robots, is_so), now)
 
 
 def restart() -> Event:
@@ -247,11 +247,11 @@ def assert_views_agree(player: Player) -> None:
     found: dict[tuple[str, ComponentName], set[Reason]] = {}
     for view in faults.problems(now):
         of, due = view.identity, view.due <= now.wall
-        is_quiet = view.fault is None and not view.well and due and view.quiet in EXPLAINED
+        is_quiet = view.fault is None and not view.healthy and due and view.suppressed in EXPLAINED
         if is_quiet and of.scope in (Scope.COMPONENT, Scope.FLAPPING):
-            assert view.quiet is not None
+            assert view.suppressed is not None
             name = ComponentName(of.group, of.component)
-            found.setdefault((of.robot, name), set()).add(view.quiet)
+            found.setdefault((of.robot, name), set()).add(view.suppressed)
     explained = {
         (robot, name): reason
         for robot in faults._book.robots

@@ -1,19 +1,18 @@
 """A second, simple implementation of the fault rules: everything is computed anew at each second.
 
 Written from the rules and not from the engine, for tests that compare the two. It has no timers,
-events or rows.
+events or rows, and knows nothing of larger faults: `test_invariants` says what holds of those.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime
-from math import ceil
 from statistics import linear_regression
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, Threshold
+from ros_diagnostics_exporter.config.fleet import FaultSettings, Threshold
 from ros_diagnostics_exporter.faults.model import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Level
 
@@ -81,7 +80,6 @@ class Monitored:
     slots: Slots | None = None
     flapping: bool = False
     flapping_since: int = 0
-    counted: bool = False
     changed: list[int] = field(default_factory=list)  # of its level, that no fault explains
     intermittent_since: int | None = None
 
@@ -112,7 +110,7 @@ class RobotModel:
     slots: Slots | None = None
     flapping: bool = False
     flapping_since: int = 0
-    counted: bool = False
+    went: bool = False  # it fell silent, and that counts
     components: dict[tuple[str, str], Monitored] = field(default_factory=dict)
     values: dict[tuple[str, ...], Monitored] = field(default_factory=dict)  # group, name, key, ...
     checks: dict[str, Monitored] = field(default_factory=dict)
@@ -128,16 +126,6 @@ class OwnModel:
     fresh: bool = False
 
 
-@dataclass
-class CauseModel:
-    active: int | None = None
-    ended: int = -(10**9)
-    wait: float = 0.0
-
-    def covers(self, now: int) -> bool:
-        return self.active is not None or now < self.ended + self.wait
-
-
 class Model:
     """The fleet; `step` appends the faults that began and ended to ``changes``."""
 
@@ -146,7 +134,6 @@ class Model:
         self.wall = wall  # Unix time of second 0
         self.robots: dict[str, RobotModel] = {}
         self.faults: dict[Key, dict[str, Any]] = {}
-        self.causes: dict[tuple[str, str], CauseModel] = {}
         self.own: dict[tuple[str, Level], OwnModel] = {}  # part of the exporter, what is wrong
         self.settled_at = -(10**9)
         self.changes: list[tuple[int, str, Key, int, tuple[tuple[str, str], ...]]] = []
@@ -165,8 +152,6 @@ class Model:
         robot = self.robots.get(name)
         if robot is None:
             robot = self.robots[name] = RobotModel(settings, declared)
-        if robot.settings.site != settings.site:
-            robot.counted = False
         robot.settings, robot.declared = settings, declared
         if robot.presence == "never":
             if not declared:
@@ -179,7 +164,6 @@ class Model:
         for key in [key for key in self.faults if key[3] == name]:
             self._end(key, "removed", now)
         del self.robots[name]
-        self.causes.pop(("many", name), None)
 
     def forget_component(self, name: str, group: str, component: str, now: int) -> None:
         robot = self.robots[name]
@@ -194,8 +178,7 @@ class Model:
         robot = self.robots[name]
         if robot.presence == "silent":
             return
-        if robot.presence == "up":
-            self._note(robot, 0, now)
+        robot.went = robot.presence == "up" and not robot.maintenance
         self._fall_silent(name, robot, now)
 
     def _fall_silent(self, name: str, robot: RobotModel, now: int) -> None:
@@ -230,8 +213,10 @@ class Model:
         robot = self.robots[name]
         if robot.presence == "up":
             return
-        if robot.presence == "silent":
-            self._note(robot, OK + 1, now)
+        if robot.presence == "silent" and robot.went:  # counted once it is back
+            self._note(robot, 0, now)
+            self._note(robot, 1, now)
+        robot.went = False
         robot.presence = "up"
         robot.received = True
         robot.returned_until = now + robot.settings.confirm_after
@@ -423,13 +408,8 @@ class Model:
         for robot in self.robots.values():
             self._flap(robot, now)
             self._sample(robot, now)
-        for scope in ("site", "common", "many"):
-            self._find_causes(scope, now)
         for name, robot in self.robots.items():
             self._update_robot(name, robot, now)
-        for (scope, name), cause in self.causes.items():
-            if scope != "many":
-                self._update_cause(scope, name, cause, now)
 
     def _flap(self, robot: RobotModel, now: int) -> None:
         if robot.slots is not None:
@@ -477,98 +457,11 @@ class Model:
         if thing.flapping and not was:
             thing.flapping_since = now
 
-    # -- causes ------------------------------------------------------------------------------
-
-    def _find_causes(self, scope: str, now: int) -> None:
-        """Activate what is over its threshold and end what is below half of it."""
-        names = {
-            "site": {robot.settings.site for robot in self.robots.values()},
-            "common": {name for robot in self.robots.values() for _, name in robot.components},
-            "many": set(self.robots),
-        }[scope] | {name for kind, name in self.causes if kind == scope}
-        for name in names:
-            own, fresh, whole = self._count(scope, name, now)
-            needed = self._needed(scope, whole)
-            cause = self.causes.setdefault((scope, name), CauseModel())
-            if cause.active is None and fresh >= needed:
-                cause.active = now
-            elif cause.active is not None and own < needed / 2:
-                cause.active, cause.ended = None, now
-                robot = self.robots.get(name)
-                cause.wait = self.settings.confirm_after
-                if scope == "many" and robot is not None:
-                    cause.wait = robot.settings.confirm_after
-
-    def _needed(self, scope: str, whole: int) -> int:
-        settings: CauseSettings = getattr(self.settings, scope)
-        needed = max(settings.number, ceil(settings.share * whole - 1e-9), 1)
-        return needed if settings.absolute is None else min(needed, settings.absolute)
-
-    def _count(self, scope: str, name: str, now: int) -> tuple[int, int, int]:
-        """How many have the cause, how many of them are fresh, and how many there could be."""
-        known = [
-            robot
-            for robot in self.robots.values()
-            if robot.presence != "never" and not robot.maintenance
-        ]
-        if scope == "many":
-            return self._count_many(self.robots[name], now)
-        if scope == "site":
-            for robot in self.robots.values():
-                silent = robot.presence == "silent" and not robot.maintenance
-                silent = silent and (robot.counted or now >= self.settled_at)
-                robot.counted = silent or (robot.counted and robot.presence != "up")
-            here = [robot for robot in self.robots.values() if robot.settings.site == name]
-            silent_now = [
-                each
-                for each in here
-                if each.counted and each.presence == "silent" and not each.maintenance
-            ]
-            whole = sum(each.settings.site == name for each in known)
-            return sum(each.counted for each in here), len(silent_now), whole
-        own = fresh = 0
-        for robot in self.robots.values():
-            parts = [part for (_, other), part in robot.components.items() if other == name]
-            now_bad = []
-            for part in parts:
-                bad = part.fresh and part.level == ERROR and not robot.maintenance
-                better = part.fresh and part.level in (OK, WARN)
-                part.counted = bad or (part.counted and not better)
-                now_bad.append(bad)
-            own += any(part.counted for part in parts)
-            fresh += any(now_bad)
-        return own, fresh, len(known)
-
-    def _count_many(self, robot: RobotModel, now: int) -> tuple[int, int, int]:
-        troubled = [key for key, part in robot.components.items() if part.clock is not None]
-        own = [key for key in troubled if not self._covered("common", key[1], now)]
-        blind = robot.presence != "up" or robot.maintenance
-        blind = blind or now < robot.returned_until
-        return len(troubled), 0 if blind else len(own), robot.total
-
-    def _covered(self, scope: str, name: str, now: int) -> bool:
-        cause = self.causes.get((scope, name))
-        return cause is not None and cause.covers(now)
-
-    def _update_cause(self, scope: str, name: str, cause: CauseModel, now: int) -> None:
-        key = key_of("site", "silent", site=name)
-        if scope == "common":
-            key = key_of("common", "critical", component=name)
-        _, fresh, whole = self._count(scope, name, now)
-        begins = (
-            cause.active is not None
-            and now >= cause.active + self.settings.confirm_after
-            and 2 * fresh >= self._needed(scope, whole)
-            and (scope == "common" or now >= self.settled_at)
-        )
-        self._update(key, cause.active, begins, well=cause.active is None, labels={}, now=now)
-
     # -- robots and their parts --------------------------------------------------------------
 
     def _update_robot(self, name: str, robot: RobotModel, now: int) -> None:
         labels = robot.settings.labels
         confirm = robot.settings.confirm_after
-        site = self._covered("site", robot.settings.site, now)
         work = robot.maintenance
         settled = now >= self.settled_at
         comes_and_goes = self._explains(robot, key_of("robot", "flapping", robot=name), now)
@@ -578,12 +471,12 @@ class Model:
                 key, since, begins and not work, well=well and not work, labels=labels, now=now
             )
 
-        silent = robot.presence == "silent" and settled and not site and not comes_and_goes
+        silent = robot.presence == "silent" and settled and not comes_and_goes
         update(
             key_of("robot", "silent", robot=name),
             robot.silent_since,
             silent and now >= robot.silent_at + confirm,
-            well=robot.presence == "up" and not robot.flapping,
+            well=robot.presence == "up",
         )
         if robot.presence == "up" and key_of("robot", "silent", robot=name) not in self.faults:
             robot.silent_since = None
@@ -598,7 +491,7 @@ class Model:
         update(
             key_of("robot", "flapping", robot=name),
             robot.flapping_since,
-            robot.flapping and not site,
+            robot.flapping,
             well=not robot.flapping,
         )
         returned = settled and now >= robot.returned_until and not comes_and_goes
@@ -619,30 +512,9 @@ class Model:
             wait = part.settings.confirm_after
             begins = since is not None and part.fresh and now >= since + wait
             update(self._value_key(name, known), since, begins, well=part.fresh and since is None)
-        self._update_many(name, robot, update, now)
         for (group, component), part in robot.components.items():
             where = {"robot": name, "group": group, "component": component}
             self._update_component(robot, part, where, update, returned=returned, now=now)
-
-    def _update_many(self, name: str, robot: RobotModel, update: Any, now: int) -> None:
-        cause = self.causes["many", name]
-        worst = any("critical" in part.open for part in robot.components.values())
-        _, own, _ = self._count_many(robot, now)
-        due = cause.active is not None and now >= cause.active + robot.settings.confirm_after
-        due = due and 2 * own >= self._needed("many", robot.total)
-        off = cause.active is None
-        update(
-            key_of("robot", "many", robot=name, severity="critical"),
-            cause.active,
-            due and worst,
-            well=off or not worst,
-        )
-        update(
-            key_of("robot", "many", robot=name, severity="warning"),
-            cause.active,
-            due and not worst,
-            well=off,
-        )
 
     def _update_component(
         self,
@@ -654,15 +526,12 @@ class Model:
         returned: bool,
         now: int,
     ) -> None:
-        covered = self._covered("common", where["component"], now)
-        covered = covered or self._covered("many", where["robot"], now)
-        quiet = covered or not part.fresh
-        quiet = quiet or self._explains(part, key_of("flapping", "flapping", **where), now)
+        quiet = not part.fresh or self._explains(part, key_of("flapping", "flapping", **where), now)
         up = robot.presence == "up"
         update(
             key_of("flapping", "flapping", **where),
             part.flapping_since,
-            part.flapping and up and not covered,
+            part.flapping and up,
             well=not part.flapping,
         )
         for state in ("warning", "stale", "critical"):
@@ -677,10 +546,10 @@ class Model:
             well = part.fresh and state not in part.open and not part.flapping
             update(key_of("component", state, **where), since, begins, well=well)
         if up:
-            self._update_intermittent(part, where, update, covered=covered, now=now)
+            self._update_intermittent(part, where, update, now=now)
 
     def _update_intermittent(
-        self, part: Monitored, where: dict[str, str], update: Any, *, covered: bool, now: int
+        self, part: Monitored, where: dict[str, str], update: Any, *, now: int
     ) -> None:
         """Changes too short to be faults, and too many to be chance."""
         key, settings = key_of("flapping", "intermittent", **where), self.settings
@@ -697,7 +566,7 @@ class Model:
         if part.slots is not None:
             restless = restless or part.slots.ratio >= settings.flapping.stop
         due = since is not None and now >= since + part.settings.confirm_after
-        begins = number >= most and due and not restless and not covered
+        begins = number >= most and due and not restless
         place = where["group"], where["component"]
         begins = begins and not self._has_fault(where["robot"], place)
         update(key, since, begins, well=well)

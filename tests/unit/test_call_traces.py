@@ -13,10 +13,11 @@ MORE = sys.version_info < (3, 11)  # with Python 3.10 a restart has one call mor
 # Calls and files at most: as it is today. Lower them with the code; raise them with a reason only.
 LIMITS = {
     "unchanged": (20, 8),
-    "breaking": (117, 18),
+    "breaking": (134, 19),  # one rule asks of every edge what six mechanisms asked of their own
     "scrape": (286, 24),  # why a component is quiet depends on others: asked at each scrape
-    # What an object has first is a call for each attribute that is marked.
-    "restart": (644 + MORE, 63),
+    # What an object has first is a call for each attribute that is marked, and each field of a row
+    # is written by a call.
+    "restart": (940 + MORE, 65),
 }
 
 

@@ -17,7 +17,7 @@ def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[
     Raises:
         LookupError: there is no such robot.
     """
-    views = state.fleet_needs() if robot is None else state.needs(robot)
+    views = state.needs(robot)
     return {
         "fleet": state.fleet.name,
         "robot": robot,
@@ -38,7 +38,7 @@ def fleet_capabilities(state: FleetState) -> list[dict[str, Any]]:
     """What the fleet can do, with the number of robots by what they can."""
     return [
         {"capability": name, "state": view.ability.name.lower(), "robots": robot_counts(view)}
-        for name, view in state.fleet_needs().items()
+        for name, view in state.needs(None).items()
     ]
 
 

@@ -49,10 +49,13 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
         problem = Problem(identity, since)
         give_to_owner(book, problem)
         book.add_problem(problem)
+    if problem.capability is not None:
+        problem.capability.adopted = True
+        book.write(problem.capability)
     problem.since, problem.fault = since, fault
     problem.restored = now.mono < book.grace_until
     if robot is not None and _is_over(robot, identity):
-        problem.verdict = Verdict.WELL
+        book.give_verdict(problem, Verdict.HEALTHY)
     book.write(problem)
     book.touch((problem,))
     return Change("began", fault, now.wall)
@@ -62,13 +65,22 @@ def _may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
     identity = fault.identity
     if identity.scope is Scope.EXPORTER and now.mono >= book.settled_at:
         return False  # it is the other's of a pair, which ends it
-    if bool(identity.robot) != (identity.robot in book.robots):
+    if bool(identity.robot) != (identity.robot in book.robots) or _is_of_nothing(book, identity):
         return False
     forgotten = book.forgotten.get(identity.robot)
     if identity in book.ended or (forgotten is not None and forgotten.end.at >= fault.since):
         return False
     problem = book.problems.get(identity)
     return problem is None or problem.fault is None
+
+
+def _is_of_nothing(book: Book, identity: Identity) -> bool:
+    """Whether fleet.yml has nothing that the fault is about: then nothing could ever end it."""
+    if identity.scope is Scope.CAPABILITY and not identity.robot:
+        return identity.check not in book.capabilities
+    if identity.scope in (Scope.SITE, Scope.COMMON):
+        return not causes.robots_of(book, identity.scope, identity.site)
+    return False
 
 
 def _is_over(robot: RobotRecord, identity: Identity) -> bool:

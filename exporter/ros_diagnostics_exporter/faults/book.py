@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.faults.model import (
     RobotSettings,
     Scope,
     State,
+    Verdict,
 )
 from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
@@ -19,21 +20,17 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
     Ended,
-    FleetCapabilityRecord,
     Presence,
     Problem,
     RobotRecord,
     RowKey,
 )
 from ros_diagnostics_exporter.loops import Timers
-from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
     "confirm",
-    "cover",
     "fleet",
     "returned",
-    "reachable",
     "presence",
     "flaps",
     "trends",
@@ -41,11 +38,11 @@ TimerKind = Literal[
     "hours",
     "ends",
 ]
-_Timed = Problem | Cause | CapabilityRecord | RobotRecord | ComponentRecord | None
+_Timed = Problem | RobotRecord | ComponentRecord | None
 Timer = tuple[TimerKind, _Timed]
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
-TIME_TO_RETURN = 60.0  # seconds at most for what is behind something to be well after it
+TIME_TO_RETURN = 60.0  # seconds at most for what a fault explained to be healthy after it
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
 
@@ -70,7 +67,8 @@ class Book:
         self.touched_causes: dict[Cause, None] = {}
         self.touched_robots: dict[RobotRecord, None] = {}  # whose capabilities are to be judged
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
-        self.fleet_capabilities: dict[str, FleetCapabilityRecord] = {}  # each after those it needs
+        self.capabilities: dict[str, CapabilityRecord] = {}  # of the fleet, in order of need
+        self.changed: dict[Problem, Verdict] = {}  # whose verdict is another than this before
         self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------
@@ -81,6 +79,16 @@ class Book:
             self.touched[problem] = None
             if problem.robot is not None and problem.robot.capabilities and not problem.capability:
                 self.touched_robots[problem.robot] = None
+
+    def give_verdict(self, problem: Problem, verdict: Verdict) -> None:
+        """Note what is known of a problem now, and have it judged with what it explains."""
+        if verdict is Verdict.FAILING:
+            problem.restored = False
+        if verdict is not problem.verdict:
+            self.changed.setdefault(problem, problem.verdict)
+            problem.verdict = verdict
+            self.write(problem)
+        self.touch((problem,))
 
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""
@@ -134,6 +142,7 @@ class Book:
         del self.problems[problem.identity]
         self.touch((problem,))
         del self.touched[problem]
+        self.changed.pop(problem, None)
         self.timers.clear(("confirm", problem))
         self.write(problem)
         _drop_from_owner(problem)
@@ -144,11 +153,6 @@ class Book:
         if cause is None:
             cause = self.causes[scope, name] = Cause(scope, name)
         return cause
-
-    def covered(self, scope: Scope, name: str, now: Instant) -> bool:
-        """Whether a site's or a common cause keeps quiet what it explains."""
-        cause = self.causes.get((scope, name))
-        return cause is not None and cause.covers(now)
 
     # -- what causes are counted of ----------------------------------------------------------
 
@@ -162,34 +166,44 @@ class Book:
         if not site:
             del self.present[robot.settings.site]
 
-    def due(self, problem: Problem) -> float:
-        """When (monotonic) the problem may be a fault at the earliest."""
-        clock, state, component = problem.clock, problem.identity.state, problem.component
-        if state is State.FLAPPING or problem.capability is not None:
-            return clock
-        if state is State.PENDING:
-            return clock + self.settings.pending_after
-        if state is State.CLOCK or problem.identity.scope is Scope.EXPORTER:
-            return clock + self.own.get(problem.identity.component, CLOCK_TIME)
-        if state is State.FALLING:
-            return clock + 2 * self.settings.falling.over / TREND_STEPS
-        if component is not None:
-            settings = component.settings
-            if settings.measured:
-                clock = max(clock, component.robot.returned_until)  # it was not reached before
-            clock = max(clock, component.explained_until)
-            return clock + settings.confirm_after
-        robot = problem.robot
-        clock += self.settings.confirm_after if robot is None else robot.settings.confirm_after
-        return clock + UPLINK_TIME if self._may_be_behind(problem) else clock
+    def due(self, problem: Problem, *, as_part: bool = False) -> float:
+        """When (monotonic) the problem may be a fault at the earliest.
 
-    def _may_be_behind(self, problem: Problem) -> bool:
+        ``as_part``: whatever capability explained it, of which it is a part.
+        """
+        component, confirm_after = problem.component, self.confirm_after(problem)
+        clock = max(problem.clock, problem.subject.explained_until)
+        if not as_part:
+            clock = max(clock, problem.explained_until)
+        if component is not None:
+            clock = max(clock, component.boots_until - confirm_after)
+        if component is not None and component.settings.measured:
+            clock = max(clock, component.robot.returned_until)  # it was not reached before
+        late = UPLINK_TIME if self._may_be_unreachable(problem) else 0.0
+        return clock + confirm_after + late
+
+    def confirm_after(self, problem: Problem) -> float:
+        """Seconds for which a problem has to last until it is a fault."""
+        state, component, robot = problem.identity.state, problem.component, problem.robot
+        if state is State.FLAPPING or problem.capability is not None:
+            return 0.0
+        if state is State.PENDING:
+            return self.settings.pending_after
+        if state is State.CLOCK or problem.identity.scope is Scope.EXPORTER:
+            return self.own.get(problem.identity.component, CLOCK_TIME)
+        if state is State.FALLING:
+            return 2 * self.settings.falling.over / TREND_STEPS
+        if component is not None:
+            return component.settings.confirm_after
+        return self.settings.confirm_after if robot is None else robot.settings.confirm_after
+
+    def _may_be_unreachable(self, problem: Problem) -> bool:
         """Whether it may turn out that an uplink explains what is common to robots, or silence.
 
         Or what is measured of a robot, that many of its components failed.
         """
         if problem.identity.state is State.MANY and problem.robot is not None:
-            return any(each.settings.behind for each in problem.robot.components.values())
+            return any(each.settings.depends_on for each in problem.robot.components.values())
         robots = [problem.robot] if problem.robot and problem.identity.state is State.SILENT else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from statistics import median
 
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.own import CLOCK
 from ros_diagnostics_exporter.faults.records import Problem, RobotRecord
@@ -26,31 +25,31 @@ def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
     for name, offset in offsets.items():
         robot = book.robots[name]
         problem = robot.problems.get(State.CLOCK)
-        if own is Verdict.BAD:
-            verdict = Verdict.HELD
+        if own is Verdict.FAILING:
+            verdict = Verdict.NO_DATA
         else:
             verdict = _verdict(offset, in_trouble=problem is not None)
-        if problem is None and verdict is Verdict.BAD:
+        if problem is None and verdict is Verdict.FAILING:
             problem = _add(book, robot, now)
         if problem is not None and problem.verdict is not verdict:
-            give_verdict(book, problem, verdict)
+            book.give_verdict(problem, verdict)
 
 
 def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdict:
     problem = book.problems.get(CLOCK)
-    verdict = Verdict.HELD
+    verdict = Verdict.NO_DATA
     if len(offsets) >= _ENOUGH:
         verdict = _verdict(median(offsets.values()), in_trouble=problem is not None)
-    if problem is None and verdict is Verdict.BAD:
+    if problem is None and verdict is Verdict.FAILING:
         problem = book.add_problem(Problem(CLOCK, now))
     if problem is not None and problem.verdict is not verdict:
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
     return verdict
 
 
 def _verdict(offset: float, *, in_trouble: bool) -> Verdict:
     limit = _BACK if in_trouble else LIMIT
-    return Verdict.BAD if abs(offset) > limit else Verdict.WELL
+    return Verdict.FAILING if abs(offset) > limit else Verdict.HEALTHY
 
 
 def _add(book: Book, robot: RobotRecord, now: Instant) -> Problem:

@@ -7,7 +7,7 @@ from math import inf, isnan
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import behind, capabilities, causes
+from ros_diagnostics_exporter.faults import causes, suppression
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
@@ -31,16 +31,16 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant, Level
 
-_WELL, _HELD, _ABSENT, _BAD = Verdict.WELL, Verdict.HELD, Verdict.ABSENT, Verdict.BAD
+_HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
     {
-        Level.OK: {State.WARNING: _WELL, State.STALE: _WELL, State.CRITICAL: _WELL},
-        Level.WARN: {State.WARNING: _BAD, State.STALE: _WELL, State.CRITICAL: _WELL},
-        Level.ERROR: {State.WARNING: _HELD, State.STALE: _HELD, State.CRITICAL: _BAD},
+        Level.OK: {State.WARNING: _HEALTHY, State.STALE: _HEALTHY, State.CRITICAL: _HEALTHY},
+        Level.WARN: {State.WARNING: _FAILING, State.STALE: _HEALTHY, State.CRITICAL: _HEALTHY},
+        Level.ERROR: {State.WARNING: _NO_DATA, State.STALE: _NO_DATA, State.CRITICAL: _FAILING},
     }
 )
-_NOTHING_KNOWN = {State.WARNING: _HELD, State.STALE: _HELD, State.CRITICAL: _HELD}
+_NOTHING_KNOWN = {State.WARNING: _NO_DATA, State.STALE: _NO_DATA, State.CRITICAL: _NO_DATA}
 
 
 def of_component(
@@ -54,9 +54,9 @@ def of_component(
     # An ERROR that no longer reports is still an ERROR, and a WARNING a WARNING.
     critical = settings.stale_is_critical or State.CRITICAL in known
     return {
-        State.WARNING: _ABSENT if State.WARNING in known and not critical else _HELD,
+        State.WARNING: _ABSENT if State.WARNING in known and not critical else _NO_DATA,
         State.STALE: _ABSENT,
-        State.CRITICAL: _ABSENT if critical else _HELD,
+        State.CRITICAL: _ABSENT if critical else _NO_DATA,
     }
 
 
@@ -68,18 +68,18 @@ def of_value(
     ``hysteresis`` is a share of the threshold.
     """
     if number is None or isnan(number):
-        return Verdict.HELD
+        return Verdict.NO_DATA
     margin = abs(threshold.value) * hysteresis if in_trouble else 0.0
     if threshold.bound == "low":
         good = number >= threshold.value + margin
     else:
         good = number <= threshold.value - margin
-    return Verdict.WELL if good else Verdict.BAD
+    return Verdict.HEALTHY if good else Verdict.FAILING
 
 
 def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) -> Verdict:
     """The verdict on a share of changes."""
-    return Verdict.BAD if ratio >= (stop if in_trouble else start) else Verdict.WELL
+    return Verdict.FAILING if ratio >= (stop if in_trouble else start) else Verdict.HEALTHY
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -91,8 +91,7 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
             return
         component = book.add_component(ComponentRecord(robot, report.name, report.settings))
     component.settings, component.level = report.settings, report.level
-    robot.chained = robot.chained or bool(report.settings.behind)
-    before = (component.fails, component.since) if robot.chained else None
+    robot.has_dependencies = robot.has_dependencies or bool(report.settings.depends_on)
     if not planned:
         _note_change(book, component, report.level, now)
     _judge_intermittent(book, component, now)
@@ -100,10 +99,10 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
         component.since = None
     elif component.since is None and not planned:
         component.since = now
+    if report.is_first and report.level is not Level.OK:
+        component.boots_until = robot.booted_until
     _judge_level(book, component, now)
-    if before is not None:
-        behind.follow(book, component, before, now)
-    causes.count_component(book, component)
+    causes.count_component(book, component, now)
     book.touched_causes[robot.many] = None
     book.write(component)
     if component.is_usual:
@@ -126,35 +125,25 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             component.problems[state] = book.add_problem(problem)
         if component.since is not None:
             problem.clock = component.since.mono
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
     if component.level is Level.STALE:
         for value in component.values.values():
-            give_verdict(book, value, Verdict.HELD)
+            book.give_verdict(value, Verdict.NO_DATA)
 
 
-def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
-    """Note what is known of a problem now, and have it judged."""
-    if verdict is Verdict.BAD:
-        problem.restored = False
-    if verdict is not problem.verdict:
-        problem.verdict = verdict
-        book.write(problem)
-    book.touch((problem,))
-
-
-def hold(book: Book, robot: RobotRecord) -> None:
+def hold(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that nothing fresh is known of any part of the robot."""
     robot.trends.clear()
     for problem in robot.checks.values():
-        give_verdict(book, problem, Verdict.HELD)
+        book.give_verdict(problem, Verdict.NO_DATA)
     for component in robot.components.values():
         component.level = Level.STALE
         for state, problem in component.problems.items():
             if state is not State.FLAPPING:
-                give_verdict(book, problem, Verdict.HELD)
+                book.give_verdict(problem, Verdict.NO_DATA)
         for problem in component.values.values():
-            give_verdict(book, problem, Verdict.HELD)
-        causes.count_component(book, component)
+            book.give_verdict(problem, Verdict.NO_DATA)
+        causes.count_component(book, component, now)
         book.write(component)
     book.touched_causes[robot.many] = None
 
@@ -167,13 +156,14 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     robot = component.robot
     last = Level.OK if component.flaps is None else component.flaps.slots[-1]
     returned = level is Level.STALE and now.mono < robot.returned_until
-    if level == last or returned or component.maintenance:
+    if level == last or returned or component.in_downtime:
         return
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    explained = robot.capabilities and capabilities.is_known(component)
-    is_known = component.has_fault or explained
+    is_known = component.has_fault
+    if component.problems and not is_known:
+        is_known = suppression.is_reported(book, component, now)
     if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
@@ -188,11 +178,8 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
-    failed = component.fails if component.robot.chained else None
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
-    if failed is not None:
-        behind.follow(book, component, (failed, component.since), now)
     book.write(component)
     if component.is_usual:
         book.drop_component(component)
@@ -232,13 +219,13 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     level, most = component.level, book.settings.intermittent.changes
     is_fault = problem is not None and problem.fault is not None
     lasts = is_fault and (2 * number >= most or level is not Level.OK)
-    verdict = Verdict.HELD if lasts else Verdict.WELL
+    verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
     if number >= most:
-        verdict = Verdict.BAD
-    if problem is None and verdict is Verdict.BAD:
+        verdict = Verdict.FAILING
+    if problem is None and verdict is Verdict.FAILING:
         problem = _add_flapping(book, component, State.INTERMITTENT, now)
     if problem is not None:
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
 
 
 def _judge_flapping(
@@ -250,12 +237,12 @@ def _judge_flapping(
         flaps.ratio,
         settings.flapping.start,
         settings.flapping.stop,
-        in_trouble=problem is not None and problem.in_trouble,
+        in_trouble=problem is not None and problem.lasts,
     )
-    if problem is None and verdict is Verdict.BAD:
+    if problem is None and verdict is Verdict.FAILING:
         problem = _add_flapping(book, component, State.FLAPPING, now)
     if problem is not None:
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
         book.touch(component.problems.values())
     wake(book, component)
 
@@ -286,14 +273,16 @@ def report_value(
             threshold,
             report.number,
             book.settings.value_hysteresis,
-            in_trouble=problem is not None and problem.in_trouble,
+            in_trouble=problem is not None and problem.lasts,
         )
         verdict = min(verdict, report.most)
-        if problem is None and verdict is Verdict.BAD:
+        if problem is None and verdict is Verdict.FAILING:
             component = component or book.add_component(ComponentRecord(robot, name, settings))
             problem = _add_value(book, component, report, threshold, now)
+            if report.is_first:
+                component.boots_until = robot.booted_until
         if problem is not None:
-            give_verdict(book, problem, verdict)
+            book.give_verdict(problem, verdict)
     if name in robot.components:
         robot.components[name].settings = settings
         book.write(robot.components[name])
@@ -349,4 +338,4 @@ def report_check(
         problem = Problem(identity, now, robot=robot)
         robot.checks[check] = book.add_problem(problem)
     if problem is not None:
-        give_verdict(book, problem, Verdict.ABSENT if found < expected else Verdict.WELL)
+        book.give_verdict(problem, Verdict.ABSENT if found < expected else Verdict.HEALTHY)

@@ -19,7 +19,6 @@ from ros_diagnostics_exporter.faults import (
     clocks,
     components,
     ends,
-    fleet_capabilities,
     judge,
     own,
     presence,
@@ -27,8 +26,7 @@ from ros_diagnostics_exporter.faults import (
     rows,
     trends,
 )
-from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
-from ros_diagnostics_exporter.faults.judge import why_not_begin, why_not_end
+from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book, TimerKind
 from ros_diagnostics_exporter.faults.model import (
     AbilityView,
     Change,
@@ -51,22 +49,25 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
 from ros_diagnostics_exporter.faults.records import (
-    CapabilityRecord,
-    Cause,
-    ComponentRecord,
     Presence,
-    Problem,
     RobotRecord,
 )
+from ros_diagnostics_exporter.faults.suppression import why_not_begin, why_not_end
 from ros_diagnostics_exporter.model import Instant
 
-_EXPLAINED = (Reason.BEHIND, Reason.CAPABILITY)  # by another fault of the same robot
-# What is done by a timer that is of no record.
-_OF_ALL: Mapping[str, Callable[[Book, Instant], None]] = {
-    "ends": ends.drop_old,
-    "hours": judge.follow_hours,
-    "fleet": fleet_capabilities.judge,
-    "settled": presence.settle,
+_EXPLAINED = (Reason.DEPENDS_ON, Reason.CAPABILITY)  # by another fault of the same robot
+Action = Callable[[Book, Any, Instant], None]
+# What each timer does with the record that it is of, if any.
+_ACTIONS: Mapping[TimerKind, Action] = {
+    "confirm": lambda book, problem, _now: book.touch((problem,)),
+    "ends": lambda book, _, now: ends.drop_old(book, now),
+    "flaps": components.decay,
+    "fleet": lambda book, _, now: capabilities.update_fleet(book, now),
+    "hours": lambda book, _, now: judge.follow_hours(book, now),
+    "presence": presence.decay,
+    "returned": lambda book, robot, _now: presence.touch_all(book, robot),
+    "settled": lambda book, _, now: presence.settle(book, now),
+    "trends": trends.sample,
 }
 
 
@@ -100,8 +101,7 @@ class Faults:
         judge.set_hours_timer(book, now)
         for problem in book.problems.values():
             if problem.identity.scope is Scope.EXPORTER:
-                problem.verdict = Verdict.HELD  # until its part is reported, with its time
-                book.write(problem)
+                book.give_verdict(problem, Verdict.NO_DATA)  # until its part is reported
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)
@@ -122,28 +122,9 @@ class Faults:
             # As of when each was due, so that it does not matter how often this is called.
             at = at_mono(due, now)
             for kind, record in timers.pop():
-                self._ring(kind, record, at)
+                _ACTIONS[kind](self._book, record, at)
             changes += judge.settle(self._book, at)
         return changes
-
-    def _ring(self, kind: str, record: object, at: Instant) -> None:
-        book = self._book
-        if isinstance(record, Problem):
-            book.touch((record,))
-        elif isinstance(record, Cause | CapabilityRecord):
-            _end_cover(book, record)
-        elif isinstance(record, ComponentRecord):
-            components.decay(book, record, at)
-        elif not isinstance(record, RobotRecord):
-            _OF_ALL[kind](book, at)
-        elif kind == "presence":
-            presence.decay(book, record, at)
-        elif kind == "trends":
-            trends.sample(book, record, at)
-        elif kind == "reachable":
-            presence.become_reachable(book, record, at)
-        else:
-            presence.touch_all(book, record)
 
     # -- config and people -------------------------------------------------------------------
 
@@ -185,20 +166,17 @@ class Faults:
         return changes + judge.settle(book, now)
 
     def configure_capabilities(
-        self, robot: str, wanted: Iterable[WantedCapability], now: Instant
+        self, robot: str | None, wanted: Iterable[WantedCapability], now: Instant
     ) -> list[Change]:
-        """Set what a robot can do, each after those that it needs; all others are removed."""
-        changes = self.advance(now)
-        gone = capabilities.configure(self._book, self._robot(robot), wanted)
-        changes += judge.end_all(self._book, gone, now)
-        return changes + judge.settle(self._book, now)
+        """Set what a robot, or (None) the fleet, can do, each after those that it needs.
 
-    def configure_fleet(self, wanted: Iterable[WantedCapability], now: Instant) -> list[Change]:
-        """Set what the fleet can do, each after those that it needs; all others are removed."""
+        All others are removed.
+        """
         changes = self.advance(now)
-        gone = fleet_capabilities.configure(self._book, wanted, now)
+        record = None if robot is None else self._robot(robot)
+        gone = capabilities.configure(self._book, record, wanted, now)
         changes += judge.end_all(self._book, gone, now)
-        return changes + self.advance(now)
+        return changes + judge.settle(self._book, now) + self.advance(now)
 
     def maintenance(self, planned: Mapping[str, bool], now: Instant) -> list[Change]:
         """Begin (True) or end the planned downtimes of robots, of all that change at one time.
@@ -212,14 +190,11 @@ class Faults:
                 presence.set_maintenance(self._book, robot, now, planned=is_planned)
         return changes + judge.settle(self._book, now)
 
-    def unreachable(self, changed: Mapping[str, bool], now: Instant) -> list[Change]:
-        """Note robots whose absence an uplink or a DDS domain explains (True), or no longer does.
-
-        What explains it has failed by itself; so all of them are to be given together.
-        """
+    def cut_off(self, changed: Mapping[str, bool], now: Instant) -> list[Change]:
+        """Note robots whose DDS domain cannot be joined (True), or can again: all at one time."""
         changes = self.advance(now)
-        for name, is_unreachable in changed.items():
-            presence.set_unreachable(self._book, self._robot(name), now, is_so=is_unreachable)
+        for name, is_so in changed.items():
+            presence.cut_off(self._book, self._robot(name), now, is_so=is_so)
         return changes + judge.settle(self._book, now)
 
     def components_in_maintenance(
@@ -227,7 +202,7 @@ class Faults:
     ) -> list[Change]:
         """Set which components of a robot, by name, are in a downtime of their own."""
         changes = self.advance(now)
-        presence.maintain_components(self._book, self._robot(robot), names)
+        presence.maintain_components(self._book, self._robot(robot), names, now)
         return changes + judge.settle(self._book, now)
 
     def forget_robot(self, name: str, now: Instant) -> list[Change]:
@@ -356,7 +331,7 @@ class Faults:
         return changes + judge.settle(self._book, now)
 
     def describe_end(self, fault: Fault, message: str) -> None:
-        """Fix the message that ended a fault: once, at most 512 characters."""
+        """Fix the message that ended a fault, once."""
         ends.describe(self._book, fault, message)
 
     def forget(self, robot: str, now: Instant) -> None:
@@ -394,28 +369,33 @@ class Faults:
         book = self._book
         wanted = book.problems.values() if robot is None else self._robot(robot).all_problems()
         for problem in wanted:
-            well = problem.verdict is Verdict.WELL
-            quiet = why_not_end(problem) if well else why_not_begin(book, problem, now)
+            healthy = problem.verdict is Verdict.HEALTHY
+            reason, by = why_not_end(problem) if healthy else None, None
+            if not healthy and problem.fault is None:
+                found = why_not_begin(book, problem, now)
+                reason = None if found is None else found.reason
+                by = None if found is None or found.by is None else found.by.identity
             yield ProblemView(
                 identity=problem.identity,
                 since=problem.since.wall,
                 due=at_mono(book.due(problem), now).wall,
                 fault=problem.fault,
-                quiet=quiet if well or problem.fault is None else None,
-                well=well,
+                suppressed=reason,
+                healthy=healthy,
+                by=by,
             )
 
     def explained(self, robot: str, now: Instant) -> dict[ComponentName, Reason]:
         """The components whose trouble is due and begins no fault: another one explains it."""
         book, record = self._book, self._robot(robot)
-        if not (record.chained or record.capabilities):
+        if not (record.has_dependencies or record.capabilities):
             return {}
         return {
-            component.name: reason
+            component.name: found.reason
             for component in record.components.values()
             for problem in component.problems.values()
-            if problem.in_trouble and problem.fault is None and book.due(problem) <= now.mono
-            if (reason := why_not_begin(book, problem, now)) in _EXPLAINED
+            if problem.lasts and problem.fault is None and book.due(problem) <= now.mono
+            if (found := why_not_begin(book, problem, now)) and found.reason in _EXPLAINED
         }
 
     def abilities(self, robot: str) -> dict[str, AbilityView]:
@@ -423,18 +403,19 @@ class Faults:
         return {
             name: AbilityView(
                 each.ability,
-                {part: bad.ability for part, bad in each.parts.items()} if each.active else {},
+                {part: bad.ability for part, bad in each.parts.items()} if each.problems else {},
             )
             for name, each in self._robot(robot).capabilities.items()
         }
 
-    def needs(self, robot: str) -> dict[str, NeedView]:
-        """What a robot can do, each after those that it needs, with how good all its parts are."""
-        return capabilities.views(self._book, self._robot(robot))
+    def needs(self, robot: str | None) -> dict[str, NeedView]:
+        """What a robot, or (None) the fleet, can do, with how good all its parts are.
 
-    def fleet_needs(self) -> dict[str, NeedView]:
-        """What the fleet can do, each after those that it needs, with how good all robots are."""
-        return fleet_capabilities.views(self._book)
+        Each after those that it needs.
+        """
+        book = self._book
+        records = book.capabilities if robot is None else self._robot(robot).capabilities
+        return capabilities.views(book, records)
 
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""
@@ -483,10 +464,3 @@ class Faults:
         if robot is None:
             raise LookupError(f"no robot {name!r} is configured")
         return robot
-
-
-def _end_cover(book: Book, of: Cause | CapabilityRecord) -> None:
-    if isinstance(of, Cause):
-        causes.end_cover(book, of)
-    else:
-        capabilities.end_cover(book, of)

@@ -1,4 +1,4 @@
-"""What goes in and out: identities, faults, reports of what changed, and why a problem is quiet."""
+"""What goes in and out: identities, faults, reports of what changed, reasons of suppression."""
 
 from __future__ import annotations
 
@@ -166,11 +166,15 @@ class Followed(NamedTuple):
 
 
 class ComponentReport(NamedTuple):
-    """One component's level that counts, and how it is judged."""
+    """One component's level that counts, and how it is judged.
+
+    ``is_first``: it was not received since its robot came back.
+    """
 
     name: ComponentName
     level: Level
     settings: ComponentSettings
+    is_first: bool = False
 
 
 class OwnReport(NamedTuple):
@@ -188,10 +192,54 @@ class OwnReport(NamedTuple):
 class Verdict(IntEnum):
     """What is known of a problem now."""
 
-    WELL = 0  # a fresh lower level
-    HELD = 1  # nothing fresh: neither begins nor ends
+    HEALTHY = 0  # a fresh lower level
+    NO_DATA = 1  # nothing fresh: neither begins nor ends
     ABSENT = 2  # in trouble, for want of data
-    BAD = 3  # in trouble, freshly reported
+    FAILING = 3  # in trouble, freshly reported
+
+
+class Effect(NamedTuple):
+    """What a problem does to each mechanism; see `EffectiveVerdict`.
+
+    ``counts`` towards a larger fault; ``explains`` others: never, only once it is a fault, or as
+    soon as it can become one; ``begins`` and ``ends``: whether it may, by itself.
+    """
+
+    counts: bool
+    explains: Literal["never", "as a fault", "as a problem"]
+    begins: bool
+    ends: bool
+
+
+class EffectiveVerdict(str, Enum):
+    """The verdict on a problem together with what people planned."""
+
+    FAILING = "failing"  # fresh, and nobody planned it
+    IN_DOWNTIME = "in_downtime"
+    PLANNED_STALE = "planned_stale"
+    NO_DATA = "no_data"  # a silent robot, a lost link, just restarted
+    HEALTHY = "healthy"
+
+
+# Every mechanism asks this table, so that no verdict means one thing here and another there. What a
+# condition of fleet.yml excuses is reported as HEALTHY, or as planned STALE where it is not known.
+EFFECTS: Mapping[EffectiveVerdict, Effect] = MappingProxyType(
+    {
+        EffectiveVerdict.FAILING: Effect(
+            counts=True, explains="as a problem", begins=True, ends=False
+        ),
+        EffectiveVerdict.IN_DOWNTIME: Effect(
+            counts=False, explains="never", begins=False, ends=False
+        ),
+        EffectiveVerdict.PLANNED_STALE: Effect(
+            counts=False, explains="never", begins=False, ends=False
+        ),
+        EffectiveVerdict.NO_DATA: Effect(
+            counts=False, explains="as a fault", begins=False, ends=False
+        ),
+        EffectiveVerdict.HEALTHY: Effect(counts=False, explains="never", begins=False, ends=True),
+    }
+)
 
 
 class Ability(IntEnum):
@@ -233,21 +281,23 @@ class AbilityView(NamedTuple):
 class ValueReport(NamedTuple):
     """One value that has thresholds, or had; ``number`` is None while nothing fresh is known.
 
-    ``most`` is the worst verdict that it may have, by the conditions of fleet.yml.
+    ``most`` is the worst verdict that it may have, by the conditions of fleet.yml; ``is_first``:
+    its component was not received since its robot came back.
     """
 
     key: str
     number: float | None
     thresholds: tuple[Threshold, ...]
-    most: Verdict = Verdict.BAD
+    most: Verdict = Verdict.FAILING
+    is_first: bool = False
 
 
 class Reason(str, Enum):
-    """Why a problem is quiet."""
+    """Why a problem is suppressed."""
 
     NO_DATA = "no_data"
     ROBOT_SILENT = "robot_silent"
-    UNREACHABLE = "unreachable"  # behind an uplink or a DDS domain that fails
+    UNREACHABLE = "unreachable"  # its uplink or its DDS domain fails
     MAINTENANCE = "maintenance"
     RESTART = "restart"  # within restart_grace
     RETURNED = "returned"  # the robot is back for less than confirm_after
@@ -256,7 +306,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
-    BEHIND = "behind"  # what fleet.yml says that it depends on fails
+    DEPENDS_ON = "depends_on"  # a component that it depends on, by fleet.yml, fails
     CAPABILITY = "capability"  # one that is in trouble because of it
     FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
@@ -266,17 +316,19 @@ class Reason(str, Enum):
 class ProblemView(NamedTuple):
     """A problem as pages and the API show it, soft (``fault`` is None) or hard.
 
-    ``since`` is Unix time, ``due`` when it may begin at the earliest; ``quiet`` says why it does
-    not begin then, or why a fault that is ``well`` again goes on, ``because`` by which condition.
+    ``since`` is Unix time, ``due`` when it may begin at the earliest; ``suppressed`` says why it
+    does not begin then, or why a fault that is ``healthy`` again goes on: ``by`` another problem,
+    or ``because`` of a condition.
     """
 
     identity: Identity
     since: float
     due: float
     fault: Fault | None
-    quiet: Reason | None
-    well: bool
+    suppressed: Reason | None
+    healthy: bool
     because: str = ""
+    by: Identity | None = None
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
@@ -307,13 +359,15 @@ class RobotSettings:
     """What holds for one robot.
 
     ``presence_interval`` lies between two of the 21 states in which a robot's coming and going is
-    counted, ``flap_interval`` between two of a component.
+    counted, ``flap_interval`` between two of a component. For ``boot_grace`` seconds after it came
+    back, what was wrong from its first message on begins no fault.
     """
 
     labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     confirm_after: float = 10.0
     flap_interval: float = 15.0
     presence_interval: float = 60.0
+    boot_grace: float = 0.0
 
     @property
     def site(self) -> str:
@@ -331,11 +385,13 @@ class ComponentSettings:
     """What holds for one component, the robot's and the fleet's defaults applied.
 
     ``measured``: by a query rather than by the robot, so also while the robot is not reached.
-    ``behind``: the components of its robot, (group, name) each, whose failure explains its own.
+    ``uplink``: its failure makes the robots unreachable that name its robot as their uplink.
+    ``depends_on``: the components of its robot, (group, name) each, whose failure explains its own.
     """
 
     confirm_after: float = 10.0
     planned_stale: bool = False
     stale_is_critical: bool = False
     measured: bool = False
-    behind: frozenset[tuple[str, str]] = frozenset()
+    uplink: bool = False
+    depends_on: frozenset[tuple[str, str]] = frozenset()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -39,7 +38,7 @@ def judge(book: Book, reports: Iterable[OwnReport], now: Instant) -> list[Change
             if problem is None and report.level is level:
                 problem = book.add_problem(Problem(identity, now))
             if problem is not None:
-                give_verdict(book, problem, _verdict(report.level, level))
+                book.give_verdict(problem, _verdict(report.level, level))
     return end_all(book, gone, now)
 
 
@@ -49,5 +48,5 @@ def _identity(part: str, state: State) -> Identity:
 
 def _verdict(level: Level, bad: Level) -> Verdict:
     if level is Level.STALE:
-        return Verdict.HELD
-    return Verdict.BAD if level is bad else Verdict.WELL
+        return Verdict.NO_DATA
+    return Verdict.FAILING if level is bad else Verdict.HEALTHY

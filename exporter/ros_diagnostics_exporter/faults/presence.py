@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults import causes, components, suppression
 from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
-from ros_diagnostics_exporter.faults.components import give_verdict
-from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.model import Identity, Reason, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import (
     SLOTS,
     FlapHistory,
@@ -31,15 +30,14 @@ def fall_silent(
     if robot.presence is Presence.SILENT:
         book.write(problem)
         return
-    if robot.up and counts:
-        _note_change(book, robot, _DOWN, now)
+    robot.went = now.mono if robot.up and counts and not robot.maintenance else None
     problem.clock = now.mono
-    give_verdict(book, problem, Verdict.ABSENT)
+    book.give_verdict(problem, Verdict.ABSENT)
     for state in (State.PENDING, State.CLOCK):
         if state in robot.problems:
-            give_verdict(book, robot.problems[state], Verdict.HELD)
+            book.give_verdict(robot.problems[state], Verdict.NO_DATA)
     robot.presence = Presence.SILENT
-    components.hold(book, robot)
+    components.hold(book, robot, now)
     _note_presence(book, robot, now)
 
 
@@ -47,11 +45,11 @@ def become_pending(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that a robot was never received, and that none of its publishers is there."""
     robot.presence = Presence.NEVER
     if State.SILENT in robot.problems:
-        give_verdict(book, robot.problems[State.SILENT], Verdict.HELD)
+        book.give_verdict(robot.problems[State.SILENT], Verdict.NO_DATA)
     if robot.declared:
         pending = robot.problems.get(State.PENDING)
         pending = pending or _add(book, robot, State.PENDING, now, now)
-        give_verdict(book, pending, Verdict.ABSENT)
+        book.give_verdict(pending, Verdict.ABSENT)
     _note_presence(book, robot, now)
 
 
@@ -59,58 +57,51 @@ def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that a robot is received, for the first time or again."""
     if robot.up:
         return
-    if robot.presence is Presence.SILENT:
-        _note_change(book, robot, _UP, now)
+    _note_return(book, robot, now)
     robot.presence = Presence.UP
     robot.returned_until = now.mono + robot.settings.confirm_after
+    robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
     for state in (State.SILENT, State.PENDING):
         if state in robot.problems:
-            give_verdict(book, robot.problems[state], Verdict.WELL)
+            book.give_verdict(robot.problems[state], Verdict.HEALTHY)
     for component in robot.components.values():
         components.resume(book, component, now)
     _note_presence(book, robot, now)
 
 
 def set_maintenance(book: Book, robot: RobotRecord, now: Instant, *, planned: bool) -> None:
-    """Begin or end the quiet of a planned downtime."""
+    """Begin or end the planned downtime of a robot."""
     robot.maintenance = planned
     _count_anew(book, robot, now)
 
 
-def set_unreachable(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> None:
-    """Begin the quiet of a robot that is behind what fails, or end it in as long as it lasted."""
+def cut_off(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> None:
+    """Note that a robot's DDS domain cannot be joined, or can again."""
+    since, robot.cut_off_since = robot.cut_off_since, None
     if is_so:
-        book.timers.clear(("reachable", robot))
-        if not robot.unreachable:
-            robot.unreachable_since = now.mono
-            _count_anew(book, robot, now)
-    elif robot.unreachable_since is not None:
-        lasted = min(now.mono - robot.unreachable_since, TIME_TO_RETURN)
-        book.timers.set(("reachable", robot), now.mono + lasted)
-
-
-def become_reachable(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Judge by itself what is absent, now that nothing explains it any more."""
-    robot.unreachable_since = None
-    robot.returned_until = max(robot.returned_until, now.mono)
+        robot.cut_off_since = now.mono if since is None else since
+    elif since is not None:
+        until = now.mono + min(now.mono - since, TIME_TO_RETURN)
+        for problem in robot.all_problems():
+            problem.subject.explained_until = max(problem.subject.explained_until, until)
     _count_anew(book, robot, now)
 
 
 def _count_anew(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Judge all about a robot, and what many robots have in common, by a quiet that changed."""
+    """Judge all about a robot, and all that it explains, after what was planned changed."""
     for component in robot.components.values():
-        causes.count_component(book, component)
+        causes.count_component(book, component, now)
     _note_presence(book, robot, now)
     touch_all(book, robot)
 
 
-def maintain_components(book: Book, robot: RobotRecord, names: frozenset[str]) -> None:
-    """Begin or end the quiet of the planned downtimes of some components."""
+def maintain_components(
+    book: Book, robot: RobotRecord, names: frozenset[str], now: Instant
+) -> None:
+    """Begin or end the planned downtimes of some components."""
     robot.maintained = names
-    for component in robot.components.values():
-        causes.count_component(book, component)
-    touch_all(book, robot)
+    _count_anew(book, robot, now)
 
 
 def settle(book: Book, now: Instant) -> None:
@@ -124,7 +115,9 @@ def settle(book: Book, now: Instant) -> None:
 
 
 def touch_all(book: Book, robot: RobotRecord) -> None:
-    """Have everything about a robot judged again."""
+    """Have everything about a robot judged again, and what it explains."""
+    for problem in robot.all_problems():
+        book.changed.setdefault(problem, problem.verdict)
     book.touch(robot.all_problems())
     book.touched_causes[robot.many] = None
     book.touched_robots[robot] = None
@@ -154,14 +147,23 @@ def _note_presence(book: Book, robot: RobotRecord, now: Instant) -> None:
     book.write(robot)
 
 
-def _note_change(book: Book, robot: RobotRecord, state: int, now: Instant) -> None:
-    """Count a robot's coming or going; not in maintenance."""
-    last = _UP if robot.history is None else robot.history.slots[-1]
-    if state == last or robot.maintenance:
+def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Count a robot's silence and its return as two changes, unless something larger explains it.
+
+    Both are counted now, because only now it is clear what else fell silent with it.
+    """
+    went, robot.went = robot.went, None
+    silence = robot.problems.get(State.SILENT)
+    if went is None or silence is None or robot.maintenance:
+        return
+    edge = suppression.explanation(book, silence, now)
+    is_larger = edge is not None and edge.reason is not Reason.ROBOT_FLAPPING
+    if is_larger or robot.explained_until > now.mono:
         return
     if robot.history is None:
-        robot.history = FlapHistory([last] * SLOTS, now.mono)
-    robot.history.change(state, now.mono, robot.settings.presence_interval)
+        robot.history = FlapHistory([_UP] * SLOTS, now.mono)
+    for state in (_DOWN, _UP):
+        robot.history.change(state, now.mono, robot.settings.presence_interval)
     _judge_flapping(book, robot, robot.history, now)
 
 
@@ -175,10 +177,10 @@ def _judge_flapping(book: Book, robot: RobotRecord, history: FlapHistory, now: I
         in_trouble=was_flapping,
     )
     problem = robot.problems.get(State.FLAPPING)
-    if problem is None and verdict is Verdict.BAD:
+    if problem is None and verdict is Verdict.FAILING:
         problem = _add(book, robot, State.FLAPPING, now, now)
     if problem is not None:
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
     if robot.flapping != was_flapping:
         touch_all(book, robot)
     if history.ratio > 0.0:

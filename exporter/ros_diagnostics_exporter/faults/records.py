@@ -14,13 +14,15 @@ from enum import Enum
 from itertools import compress
 from math import inf
 from operator import ne
-from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.model import (
+    EFFECTS,
     Ability,
     ComponentName,
     ComponentSettings,
+    Effect,
+    EffectiveVerdict,
     End,
     Fault,
     Identity,
@@ -96,7 +98,6 @@ class FlapHistory:
 
 TREND_STEPS = 15  # intervals between samples in which a value may be seen to fall
 ValueKey = tuple[str, str, str]  # key, bound, severity
-Fails = Literal["stale", "error"] | None
 RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
 
 
@@ -108,14 +109,26 @@ class Presence(str, Enum):
     UP = "up"
 
 
+@dataclass(slots=True, eq=False, repr=False, kw_only=True)
+class Subject:
+    """What another fault may explain.
+
+    ``explained_until`` (monotonic): from then on confirm_after is counted, because what explained
+    it is over for long enough.
+    """
+
+    explained_until: float = -inf
+
+
 @dataclass(slots=True, eq=False, repr=False)
-class Problem:
+class Problem(Subject):
     """One thing that is wrong, confirmed (``fault``) or not yet.
 
     ``since`` is when this state began, ``clock`` (monotonic) when the trouble did from which
     confirm_after is counted. ``robot``, ``component``, ``cause`` and ``capability`` are what it
     belongs to; ``clock`` of a capability is when its parts have been so for their confirm_after.
     ``restored``: the fault is of an earlier process, and nothing has confirmed it since.
+    ``waits_since`` (monotonic): it is due, and nothing suppresses it but what is no fault yet.
     """
 
     identity: Identity
@@ -124,10 +137,11 @@ class Problem:
     robot: RobotRecord | None = None
     component: ComponentRecord | None = None
     cause: Cause | None = None
-    capability: CapabilityRecord | FleetCapabilityRecord | None = None
-    verdict: Verdict = Verdict.HELD
+    capability: CapabilityRecord | None = None
+    verdict: Verdict = Verdict.NO_DATA
     fault: Fault | None = None
     restored: bool = False
+    waits_since: float | None = None
     clock: float = field(init=False)
     row: RowKey = field(init=False)
 
@@ -137,18 +151,60 @@ class Problem:
         self.row = ("problem", (of[0].value, of[1].value, *of[2:]))
 
     @property
-    def in_trouble(self) -> bool:
-        """Whether it was not well when last known."""
-        return self.verdict is not Verdict.WELL
+    def lasts(self) -> bool:
+        """Whether it was not healthy when last known: in trouble, or without data since."""
+        return self.verdict is not Verdict.HEALTHY
+
+    @property
+    def in_downtime(self) -> bool:
+        """Whether what it is about is in a planned downtime."""
+        if self.component is not None:
+            return self.component.in_downtime
+        return self.robot is not None and self.robot.maintenance
+
+    @property
+    def effective_verdict(self) -> EffectiveVerdict:
+        """The verdict together with what people planned."""
+        if self.verdict is Verdict.HEALTHY:
+            return EffectiveVerdict.HEALTHY
+        if self.in_downtime:
+            return EffectiveVerdict.IN_DOWNTIME
+        if self.verdict is not Verdict.NO_DATA:
+            return EffectiveVerdict.FAILING
+        planned = self.component is not None and self.component.is_planned_stale
+        return EffectiveVerdict.PLANNED_STALE if planned else EffectiveVerdict.NO_DATA
+
+    @property
+    def effect(self) -> Effect:
+        """What it does to each mechanism."""
+        return EFFECTS[self.effective_verdict]
+
+    @property
+    def may_explain(self) -> bool:
+        """Whether there can be anything that it explains: most components have nothing."""
+        component = self.component
+        if component is None:
+            return True
+        has_others = len(component.problems) + len(component.values) > 1
+        return has_others or component.settings.uplink or component.robot.has_dependencies
+
+    @property
+    def subject(self) -> Subject:
+        """What it is about, all problems of which were explained together."""
+        if self.component is not None:
+            return self.component
+        if self.capability is not None:
+            return self.capability
+        is_presence = self.identity.scope is Scope.ROBOT and self.cause is None
+        return self.robot if is_presence and self.robot is not None else self
 
 
 @dataclass(slots=True, eq=False, repr=False)
-class ComponentRecord:
+class ComponentRecord(Subject):
     """A component that is or was in trouble.
 
     ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
-    ``counted`` whether it counts towards a common cause until it is received better;
-    ``explained_until`` (monotonic) when what it is behind has been well for long enough.
+    ``counted`` whether it counts towards a common cause until it is received better.
     """
 
     robot: RobotRecord
@@ -160,7 +216,7 @@ class ComponentRecord:
     values: dict[ValueKey, Problem] = field(default_factory=dict)
     flaps: FlapHistory | None = None
     counted: bool = False
-    explained_until: float = -inf
+    boots_until: float = -inf  # what was so from its robot's first message begins no sooner
     # (since, flap ratio) when a change of them was last noted
     noted: tuple[Instant | None, float | None] | None = None
     row: RowKey = field(init=False)
@@ -172,21 +228,18 @@ class ComponentRecord:
     def flapping(self) -> bool:
         """Whether it changes too often for anything else to be reported of it."""
         problem = self.problems.get(State.FLAPPING)
-        return problem is not None and problem.in_trouble
+        return problem is not None and problem.lasts
 
     @property
-    def fails(self) -> Fails:
-        """Whether it explains that what is behind it is STALE, or any trouble of that."""
-        bad = {state for state, problem in self.problems.items() if problem.in_trouble}
-        if bad & {State.CRITICAL, State.FLAPPING}:
-            return "error"
-        return "stale" if State.STALE in bad else None
+    def is_planned_stale(self) -> bool:
+        """Whether it is STALE as fleet.yml expects it, so that nothing begins, ends or counts."""
+        return self.level is Level.STALE and self.settings.planned_stale
 
-    def is_behind(self, *, stale: bool) -> bool:
-        """Whether what it is behind explains its trouble; ``stale``: that it is absent."""
-        found = (self.robot.components.get(ComponentName(*each)) for each in self.settings.behind)
-        explained = ("stale", "error") if stale else ("error",)
-        return any(each is not None and each.fails in explained for each in found)
+    @property
+    def is_failing(self) -> bool:
+        """Whether it is in trouble now, freshly known, and nobody planned that."""
+        planned = self.is_planned_stale or self.in_downtime
+        return self.level is not Level.OK and self.since is not None and not planned
 
     @property
     def is_intermittent(self) -> bool:
@@ -204,9 +257,14 @@ class ComponentRecord:
         )
 
     @property
-    def maintenance(self) -> bool:
+    def in_downtime(self) -> bool:
         """Whether it, or its robot, is in a planned downtime."""
         return self.robot.maintenance or self.name.component in self.robot.maintained
+
+    def all_problems(self) -> Iterator[Problem]:
+        """What is wrong with its level and how that changes, and with its values."""
+        yield from self.problems.values()
+        yield from self.values.values()
 
     @property
     def is_usual(self) -> bool:
@@ -225,20 +283,19 @@ class Trend:
 
     number: float = 0.0
     threshold: Threshold = field(default_factory=lambda: Threshold("low", "critical", 0.0))
-    most: Verdict = Verdict.BAD
+    most: Verdict = Verdict.FAILING
     settings: ComponentSettings = field(default_factory=ComponentSettings)
     samples: deque[float] = field(default_factory=lambda: deque(maxlen=TREND_STEPS + 1))
 
 
 @dataclass(slots=True, eq=False, repr=False)
-class RobotRecord:
+class RobotRecord(Subject):
     """One robot, with what is wrong with it and its components.
 
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
     their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
-    ``unreachable_since`` (monotonic) since when an uplink or a DDS domain explains its absence;
-    ``chained``: a component of it is, or was, behind another; ``history`` counts its coming and
-    going; ``trends`` are of values that may fall, by key.
+    ``cut_off_since`` (monotonic) since when its DDS domain cannot be joined; ``history`` counts its
+    coming and going; ``trends`` are of values that may fall, by key.
     """
 
     name: str
@@ -246,10 +303,12 @@ class RobotRecord:
     declared: bool = False
     presence: Presence = Presence.NEVER
     maintenance: bool = False
-    maintained: frozenset[str] = frozenset()  # not written: planned anew after a start
+    maintained: frozenset[str] = frozenset()
     returned_until: float = -inf
-    unreachable_since: float | None = None  # not written: reported anew after a start
-    chained: bool = False
+    booted_until: float = -inf  # for its boot_grace after it came back
+    went: float | None = None  # when it fell silent, unless its coming and going does not count
+    cut_off_since: float | None = None  # not written: reported anew after a start
+    has_dependencies: bool = False  # a component of it depends, or did, on another
     total: int = 0
     counted: bool = False  # towards its site's silence
     history: FlapHistory | None = None
@@ -273,15 +332,10 @@ class RobotRecord:
         return self.presence is Presence.UP
 
     @property
-    def unreachable(self) -> bool:
-        """Whether something else explains that nothing is received of it."""
-        return self.unreachable_since is not None
-
-    @property
     def flapping(self) -> bool:
         """Whether it comes and goes."""
         problem = self.problems.get(State.FLAPPING)
-        return problem is not None and problem.in_trouble
+        return problem is not None and problem.lasts
 
     def all_problems(self) -> Iterator[Problem]:
         """Everything that is wrong with the robot and its parts."""
@@ -291,19 +345,18 @@ class RobotRecord:
         for capability in self.capabilities.values():
             yield from capability.problems.values()
         for component in self.components.values():
-            yield from component.problems.values()
-            yield from component.values.values()
+            yield from component.all_problems()
 
 
 @dataclass(slots=True, eq=False, repr=False)
 class Cause:
     """Many problems that are one: of a site, of one component on many robots, of one robot.
 
-    ``scope`` is SITE, COMMON or ROBOT and ``name`` the site, the component or the robot. While
-    ``active``, and until ``covers_until`` (monotonic) after it, what it explains does not begin.
-    ``counted`` (robot -> what of it) stay until they are received better; ``fresh`` are those of
-    them whose trouble is known now. A robot's own cause counts its components instead.
-    ``adopted``: it was a fault before the start, and what it counted then is not known.
+    ``scope`` is SITE, COMMON or ROBOT and ``name`` the site, the component or the robot. It is
+    ``active`` from when there are enough until fewer than half of that are left. ``counted`` (robot
+    -> what of it) stay until they are received better; ``fresh`` are those of them whose trouble is
+    known now. A robot's own cause counts its components instead. ``adopted``: it was a fault before
+    the start, and what it counted then is not known.
     """
 
     scope: Scope
@@ -311,7 +364,6 @@ class Cause:
     robot: RobotRecord | None = None
     active: Instant | None = None
     adopted: bool = False
-    covers_until: float = -inf
     counted: dict[str, set[str]] = field(default_factory=dict)
     fresh: dict[str, set[str]] = field(default_factory=dict)
     problems: dict[str, Problem] = field(default_factory=dict)  # by severity; "" where there is one
@@ -320,10 +372,6 @@ class Cause:
     def row(self) -> RowKey:
         """The row that it is written to."""
         return "cause", (self.scope.value, self.name)
-
-    def covers(self, now: Instant) -> bool:
-        """Whether what it explains is quiet."""
-        return self.active is not None or now.mono < self.covers_until
 
     @property
     def is_fault(self) -> bool:
@@ -343,59 +391,37 @@ class Cause:
     @property
     def is_usual(self) -> bool:
         """Whether there is nothing to keep."""
-        return not (self.counted or self.problems or self.active) and self.covers_until == -inf
+        return not (self.counted or self.problems or self.active)
 
 
 @dataclass(slots=True, eq=False, repr=False)
-class CapabilityRecord:
-    """Something that a robot can do; ``wanted`` is None until it is configured.
+class CapabilityRecord(Subject):
+    """Something that a robot can do, or (``robot`` None) the fleet, whose parts are robots.
 
-    ``ability`` is how good it is, and ``due`` (monotonic) when its parts have been so for their
-    confirm_after. While ``active``, and until ``covers_until`` (monotonic) after it, the ``parts``
-    that keep it from being OK are quiet; ``worst`` is how bad it was when last known. ``adopted``:
-    it was a fault before the start, and its parts then are not known.
+    ``wanted`` is None until it is configured. ``ability`` is how good it is, ``due`` (monotonic)
+    when its parts have been so for their confirm_after. ``parts`` keep it from being OK, and
+    ``worst`` is how bad it is, both as when last known. ``adopted``: it was a fault before the
+    start, and its parts then are not known.
     """
 
-    robot: RobotRecord
+    robot: RobotRecord | None
     name: str
     wanted: WantedCapability | None = None
     ability: Ability = Ability.UNKNOWN
     worst: Ability = Ability.UNKNOWN
     due: float = -inf
-    active: Instant | None = None
     adopted: bool = False
-    covers_until: float = -inf
     parts: dict[PartName, Bad] = field(default_factory=dict)
     problems: dict[State, Problem] = field(default_factory=dict)
     row: RowKey = field(init=False)
 
     def __post_init__(self) -> None:
-        self.row = ("capability", (self.robot.name, self.name))
-
-    def covers(self, now: Instant) -> bool:
-        """Whether its parts are quiet."""
-        return self.active is not None or now.mono < self.covers_until
+        self.row = ("capability", ("" if self.robot is None else self.robot.name, self.name))
 
     @property
     def is_fault(self) -> bool:
         """Whether it is confirmed that it is in trouble."""
-        return any(each.fault is not None and each.in_trouble for each in self.problems.values())
-
-
-@dataclass(slots=True, eq=False, repr=False)
-class FleetCapabilityRecord:
-    """Something that the fleet can do; ``wanted`` is None until it is configured.
-
-    ``parts`` are the robots that kept it from being OK when that was last known. ``adopted``: it
-    was a fault before the start, and what its robots can do is not known yet.
-    """
-
-    name: str
-    wanted: WantedCapability | None = None
-    ability: Ability = Ability.UNKNOWN
-    adopted: bool = False
-    parts: dict[PartName, Bad] = field(default_factory=dict)
-    problems: dict[State, Problem] = field(default_factory=dict)
+        return any(each.fault is not None and each.lasts for each in self.problems.values())
 
 
 @dataclass(slots=True, eq=False, repr=False)

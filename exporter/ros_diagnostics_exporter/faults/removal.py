@@ -1,10 +1,10 @@
-"""What a person takes out or renames: the only end of a fault beside a fresh lower level."""
+"""What a person or the config takes out or renames: its faults end as removed."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.faults import behind, causes, components, ends, trends
+from ros_diagnostics_exporter.faults import causes, components, ends, trends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
@@ -22,13 +22,9 @@ def remove_robot(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     book.touched_causes.pop(robot.many, None)
     book.touched_robots.pop(robot, None)
     for capability in robot.capabilities.values():
-        book.timers.clear(("cover", capability))
         book.write(capability)
-    book.timers.clear(("cover", robot.many))
-    book.timers.clear(("returned", robot))
-    book.timers.clear(("reachable", robot))
-    book.timers.clear(("presence", robot))
-    book.timers.clear(("trends", robot))
+    for kind in ("returned", "presence", "trends"):
+        book.timers.clear((kind, robot))
     book.write(robot.many)
     book.write(robot)
     del book.robots[robot.name]
@@ -48,7 +44,6 @@ def remove_component(
     changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
     if name in robot.components:  # it went with its last problem, if it had one
         book.drop_component(component)
-    behind.judge_others(book, robot, name)
     book.touched_causes[robot.many] = None
     return changes
 
@@ -66,6 +61,7 @@ def move_component(
     moved = ComponentRecord(robot, new, component.settings)
     moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
     moved.counted, moved.explained_until = component.counted, component.explained_until
+    moved.boots_until = component.boots_until
     moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
     moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
     changes += remove_component(book, robot, old, now)
@@ -76,7 +72,7 @@ def move_component(
             ends.drop(book, problem.identity)
             changes.append(Change("began", problem.fault, now.wall))
     components.wake(book, moved)
-    causes.count_component(book, moved)
+    causes.count_component(book, moved, now)
     return changes
 
 

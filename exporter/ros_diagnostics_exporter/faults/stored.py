@@ -1,19 +1,30 @@
-"""The fields of the rows of faults, each described once: its name, its type and its limits.
+"""What outlives the process, each field described once: its type, how it is written and read.
 
-`rows` writes and reads them; times in them are Unix time. What of a file cannot be restored is
-named by `parse`.
+`rows` applies the tables to records; times in rows are Unix time. A field that a row lacks is read
+as its default, so that rows of an earlier version are still read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from math import inf
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from ros_diagnostics_exporter.config.errors import first_error
-from ros_diagnostics_exporter.faults.model import DOWNTIMES, LEARNED, Row
-from ros_diagnostics_exporter.faults.records import SLOTS
+from ros_diagnostics_exporter.faults.model import (
+    DOWNTIMES,
+    LEARNED,
+    Ability,
+    PartName,
+    Row,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.needs import Bad
+from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, Presence
+from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.sources.graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served; NaN does
@@ -26,123 +37,215 @@ Number = Annotated[int, Field(ge=0, le=3)]
 Labels = Annotated[dict[Text, Text], Field(max_length=1000)]
 
 
-class History(NamedTuple):
+class Clock:
+    """Turns readings of the monotonic clock into Unix time and back, by one Instant."""
+
+    def __init__(self, now: Instant) -> None:
+        self.offset = now.wall - now.mono
+
+    def wall(self, mono: float | None) -> float | None:
+        """The Unix time; None for never."""
+        return None if mono is None or mono == -inf else mono + self.offset
+
+    def mono(self, wall: float | None) -> float:
+        """The monotonic clock's reading then."""
+        return -inf if wall is None else wall - self.offset
+
+    def instant(self, wall: float | None) -> Instant | None:
+        """Both."""
+        return None if wall is None else Instant(wall - self.offset, wall)
+
+
+class Kind(NamedTuple):
+    """A kind of field: its type as JSON, the value of a field that a row lacks, and both ways."""
+
+    type: Any
+    default: Any = ...
+    write: Callable[[Any, Clock], Any] = lambda value, _clock: value
+    read: Callable[[Any, Clock], Any] = lambda value, _clock: value
+
+
+Table = Mapping[str, Kind]  # by the name of the record's attribute
+
+
+def write(table: Table, record: object, clock: Clock) -> dict[str, Any]:
+    """The fields of a record as JSON has them."""
+    return {name: kind.write(getattr(record, name), clock) for name, kind in table.items()}
+
+
+def read(table: Table, fields: Mapping[str, Any], clock: Clock) -> dict[str, Any]:
+    """The attributes that `write` wrote, by name."""
+    return {name: kind.read(fields[name], clock) for name, kind in table.items()}
+
+
+_MONO = Kind(
+    Moment | None, None, lambda mono, clock: clock.wall(mono), lambda wall, clock: clock.mono(wall)
+)
+_MONO_OR_NONE = _MONO._replace(read=lambda wall, clock: None if wall is None else clock.mono(wall))
+_INSTANT = Kind(
+    Moment | None,
+    None,
+    lambda instant, _clock: None if instant is None else instant.wall,
+    lambda wall, clock: clock.instant(wall),
+)
+_LABELS = Kind(
+    Labels, write=lambda labels, _: dict(labels), read=lambda labels, _: MappingProxyType(labels)
+)
+
+
+class _History(NamedTuple):
     """The states of one thing that may flap."""
 
     slots: Annotated[list[Number], Field(min_length=SLOTS, max_length=SLOTS)]
     last: Moment
-    changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)]
+    changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)] = []  # noqa: RUF012
 
 
-class StoredSettings(NamedTuple):
-    """How a component is judged."""
-
-    confirm_after: Seconds
-    planned_stale: bool
-    stale_is_critical: bool
-    behind: Annotated[list[tuple[Text, Text]], Field(max_length=1000)] = []  # noqa: RUF012
+def _write_history(history: FlapHistory | None, clock: Clock) -> dict[str, Any] | None:
+    if history is None:
+        return None
+    changed = [mono + clock.offset for mono in history.changed]
+    return _History(list(history.slots), history.last + clock.offset, changed)._asdict()
 
 
-class StoredFault(NamedTuple):
-    """What is fixed when a problem is confirmed."""
-
-    since: Moment
-    confirmed: Moment
-    labels: Labels
-    evidence: Text
-    work: Text
-    details: Annotated[dict[Text, Any], Field(max_length=100)] = {}  # noqa: RUF012
+def _read_history(stored: _History | None, clock: Clock) -> FlapHistory | None:
+    if stored is None:
+        return None
+    history = FlapHistory(stored.slots, clock.mono(stored.last))
+    history.changed = tuple(map(clock.mono, stored.changed))
+    return history
 
 
-class OfFleet(NamedTuple):
-    """The times of a start."""
-
-    settled_at: Moment | None
-    grace_until: Moment | None
-
-
-class OfRobot(NamedTuple):
-    """A robot."""
-
-    labels: Labels
-    confirm_after: Seconds
-    flap_interval: Interval
-    presence_interval: Interval
-    declared: bool
-    presence: Literal["never", "silent", "up"]
-    maintenance: bool
-    returned_until: Moment | None
-    total: Annotated[int, Field(ge=0)]
-    counted: bool
-    history: History | None
+_HISTORY = Kind(_History | None, None, _write_history, _read_history)
+_Part = tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]
+_PARTS = Kind(
+    list[_Part],
+    write=lambda parts, clock: [
+        (*part, int(bad.ability), bad.due + clock.offset) for part, bad in parts.items()
+    ],
+    read=lambda parts, clock: {
+        PartName(*part): Bad(Ability(ability), clock.mono(due)) for *part, ability, due in parts
+    },
+)
+_DEPENDS_ON = Kind(
+    Annotated[list[tuple[Text, Text]], Field(max_length=1000)],
+    [],
+    lambda names, _clock: sorted(names),
+    lambda names, _clock: frozenset(names),
+)
 
 
-class OfComponent(NamedTuple):
-    """A component in trouble."""
-
-    settings: StoredSettings
-    level: Number
-    since: Moment | None
-    counted: bool
-    flaps: History | None
-    explained_until: Moment | None = None
+def _enum(of: Callable[[Any], Any], type_: Any) -> Kind:
+    return Kind(
+        type_, write=lambda value, _clock: value.value, read=lambda value, _clock: of(value)
+    )
 
 
-class OfCause(NamedTuple):
-    """A larger cause."""
-
-    active: Moment | None
-    covers_until: Moment | None
-    adopted: bool
+def _schema(name: str, *tables: Table) -> Any:
+    """What validates the rows that these tables write."""
+    fields = {key: (kind.type, kind.default) for table in tables for key, kind in table.items()}
+    return create_model(name, **fields)  # type: ignore[call-overload]
 
 
-class OfCapability(NamedTuple):
-    """A capability in trouble; each part with how good it is."""
-
-    active: Moment | None
-    covers_until: Moment | None
-    worst: Annotated[int, Field(ge=0, le=4)]
-    parts: list[tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]]
-
-
-class OfProblem(NamedTuple):
-    """A problem."""
-
-    since: Moment
-    clock: Moment
-    verdict: Number
-    fault: StoredFault | None
+def _record(name: str, table: Table) -> Kind:
+    """A field that is a record itself, or None; it is read as its attributes by name."""
+    return Kind(
+        _schema(name, table) | None,
+        write=lambda record, clock: None if record is None else write(table, record, clock),
+        read=lambda stored, clock: None if stored is None else read(table, vars(stored), clock),
+    )
 
 
-class OfEnd(NamedTuple):
-    """What ended a fault."""
-
-    reason: Literal["recovered", "removed"]
-    at: Moment
-    message: Text
-    since: Moment
-    labels: Labels
-
-
-Stored = OfFleet | OfRobot | OfComponent | OfCause | OfCapability | OfProblem | OfEnd
-SCHEMAS: dict[str, TypeAdapter[Any]] = {  # by kind, in the order in which they refer to each other
-    "fleet": TypeAdapter(OfFleet),
-    "robot": TypeAdapter(OfRobot),
-    "component": TypeAdapter(OfComponent),
-    "cause": TypeAdapter(OfCause),
-    "capability": TypeAdapter(OfCapability),
-    "problem": TypeAdapter(OfProblem),
-    "end": TypeAdapter(OfEnd),
+# What another explained, of each subject.
+_EXPLAINED: Table = {"explained_until": _MONO}
+FLEET: Table = {"settled_at": _MONO, "grace_until": _MONO}
+ROBOT_SETTINGS: Table = {
+    "labels": _LABELS,
+    "confirm_after": Kind(Seconds),
+    "flap_interval": Kind(Interval),
+    "presence_interval": Kind(Interval),
+    "boot_grace": Kind(Seconds, 0.0),
+}
+ROBOT: Table = {
+    "declared": Kind(bool),
+    "presence": _enum(Presence, Literal["never", "silent", "up"]),
+    "maintenance": Kind(bool),
+    "maintained": Kind(
+        Annotated[list[Text], Field(max_length=1000)],
+        [],
+        lambda names, _clock: sorted(names),
+        lambda names, _clock: frozenset(names),
+    ),
+    "returned_until": _MONO,
+    "booted_until": _MONO,
+    "went": _MONO_OR_NONE,
+    "total": Kind(Annotated[int, Field(ge=0)]),
+    "counted": Kind(bool),
+    "history": _HISTORY,
+    **_EXPLAINED,
+}
+_COMPONENT_SETTINGS: Table = {
+    "confirm_after": Kind(Seconds),
+    "planned_stale": Kind(bool),
+    "stale_is_critical": Kind(bool),
+    "measured": Kind(bool, default=False),
+    "uplink": Kind(bool, default=False),
+    "depends_on": _DEPENDS_ON,
+}
+COMPONENT: Table = {
+    "settings": _record("settings", _COMPONENT_SETTINGS),
+    "level": _enum(Level, Number),
+    "since": _INSTANT,
+    "counted": Kind(bool),
+    "flaps": _HISTORY,
+    "boots_until": _MONO,
+    **_EXPLAINED,
+}
+CAUSE: Table = {"active": _INSTANT, "adopted": Kind(bool)}
+CAPABILITY: Table = {
+    "worst": _enum(Ability, Annotated[int, Field(ge=0, le=4)]),
+    "parts": _PARTS,
+    "adopted": Kind(bool, default=False),
+    **_EXPLAINED,
+}
+_FAULT: Table = {
+    "since": Kind(Moment),
+    "confirmed": Kind(Moment),
+    "labels": _LABELS,
+    "evidence": Kind(Text),
+    "work": Kind(Text, ""),
+    "details": Kind(
+        Annotated[dict[Text, Any], Field(max_length=100)], {}, lambda each, _: dict(each)
+    ),
+}
+PROBLEM: Table = {
+    "since": _INSTANT._replace(type=Moment, default=...),
+    "clock": _MONO._replace(type=Moment, default=...),
+    "verdict": _enum(Verdict, Number),
+    "fault": _record("fault", _FAULT),
+    "waits_since": _MONO_OR_NONE,
+    **_EXPLAINED,
+}
+END: Table = {
+    "reason": Kind(Literal["recovered", "removed"]),
+    "at": Kind(Moment),
+    "message": Kind(Text),
+    "since": Kind(Moment),
+    "labels": _LABELS,
 }
 
-
-def as_fields(stored: Stored | History | StoredSettings | StoredFault) -> dict[str, object]:
-    """The fields by name, as JSON has them; `SCHEMAS` read them again."""
-    nested = History, StoredSettings, StoredFault
-    return {
-        name: as_fields(value) if isinstance(value, nested) else value
-        for name, value in stored._asdict().items()
-    }
+SCHEMAS: dict[str, TypeAdapter[Any]] = {  # by kind, in the order in which they refer to each other
+    kind: TypeAdapter(_schema(kind, *tables))
+    for kind, tables in {
+        "fleet": (FLEET,),
+        "robot": (ROBOT_SETTINGS, ROBOT),
+        "component": (COMPONENT,),
+        "cause": (CAUSE,),
+        "capability": (CAPABILITY,),
+        "problem": (PROBLEM,),
+        "end": (END,),
+    }.items()
+}
 
 
 class _Downtime(NamedTuple):

@@ -13,7 +13,6 @@ from math import isnan
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults import components
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentSettings,
@@ -46,7 +45,7 @@ def follow(
         robot.trends.pop((name, report.key), None)
         problem = _problem(robot, name, report.key)
         if problem is not None:
-            give_verdict(book, problem, Verdict.HELD)
+            book.give_verdict(problem, Verdict.NO_DATA)
         return
     trend = robot.trends.get((name, report.key))
     if trend is None:
@@ -100,23 +99,23 @@ def _judge(
     robot, name, key = place
     component = robot.components.get(name)
     problem = _problem(robot, name, key)
-    verdict = _verdict(book, trend, in_trouble=problem is not None and problem.in_trouble)
-    if problem is None and verdict is Verdict.BAD:
+    verdict = _verdict(book, trend, in_trouble=problem is not None and problem.lasts)
+    if problem is None and verdict is Verdict.FAILING:
         component = component or book.add_component(ComponentRecord(robot, name, trend.settings))
         identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
         problem = Problem(identity, now, robot=robot, component=component)
         component.values[key, "low", "falling"] = book.add_problem(problem)
     if problem is not None:
-        give_verdict(book, problem, verdict)
+        book.give_verdict(problem, verdict)
 
 
 def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:
     """Too low already is no end: that is another fault, and this one goes on under it."""
     samples = trend.samples
     if len(samples) <= TREND_STEPS or trend.threshold.is_beyond(trend.number):
-        return Verdict.HELD
+        return Verdict.NO_DATA
     if samples[-1] >= samples[0]:
-        return Verdict.WELL
+        return Verdict.HEALTHY
     steps = book.settings.falling.ahead / _step(book)
     number, hysteresis = forecast(samples, steps), book.settings.value_hysteresis
     verdict = components.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)

@@ -75,8 +75,8 @@ class ConditionalProblems:
                     since=each.since,
                     due=each.since,
                     fault=None,
-                    quiet=Reason.CONDITION,
-                    well=False,
+                    suppressed=Reason.CONDITION,
+                    healthy=False,
                     because=each.quiet.because,
                 )
 

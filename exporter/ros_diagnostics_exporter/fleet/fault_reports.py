@@ -1,6 +1,6 @@
 """What the state reports to the judgement of faults: what changed since it last did.
 
-Nothing here is called back from. The state calls `update` after each array and tick of a robot,
+The state calls `update` after each array and tick of a robot,
 which compares the robot with what was reported of it; every call is made under the state's lock.
 """
 
@@ -109,17 +109,17 @@ class FaultReports:
                 reports.maintained = reports.robot.maintained
                 self._record(self.engine.components_in_maintenance(name, reports.maintained, now))
 
-    def _report_unreachable(self, now: Instant) -> None:
-        """Report which robots something that fails is in front of, or no longer is."""
+    def _report_domains(self, now: Instant) -> None:
+        """Report of which robots the DDS domain cannot be joined, or can again."""
         changed = {
-            name: not reports.robot.network.is_reached
+            name: not reports.robot.network.domain_up
             for name, reports in self._robots.items()
-            if reports.robot.network.is_reached == reports.unreachable
+            if reports.robot.network.domain_up == reports.cut_off
         }
-        for name, is_unreachable in changed.items():
-            self._robots[name].unreachable = is_unreachable
+        for name, is_so in changed.items():
+            self._robots[name].cut_off = is_so
         if changed:
-            self._record(self.engine.unreachable(changed, now))
+            self._record(self.engine.cut_off(changed, now))
 
     def _clocks(self) -> dict[str, float]:
         """How far the clocks of robots differ that are received, and have one."""
@@ -137,7 +137,7 @@ class FaultReports:
         if source != self._fleet_source:
             self._fleet_source = source
             found = wanted_of_fleet(self._fleet, source[1])
-            self._record(self.engine.configure_fleet(found, now))
+            self._record(self.engine.configure_capabilities(None, found, now))
 
     def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
         """Report all parts of the exporter itself."""
@@ -150,7 +150,7 @@ class FaultReports:
         now = self._time(now)
         if slow:
             self._report_maintenance(now)
-            self._report_unreachable(now)
+            self._report_domains(now)
             self._record(self.engine.clocks(self._clocks(), now))
             self._report_fleet(now)
         self._record(self.engine.advance(now))
@@ -207,7 +207,7 @@ class FaultReports:
             return of_exporter(self._own[identity.component])
         reports = self._robots.get(identity.robot)
         if identity.scope is Scope.CAPABILITY and not identity.robot:
-            view = self.engine.fleet_needs().get(identity.check)
+            view = self.engine.needs(None).get(identity.check)
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))

@@ -6,10 +6,9 @@ import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from math import inf, nextafter
 from typing import Literal
 
-from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import Profile, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.book import UPLINK_TIME
 from ros_diagnostics_exporter.faults.engine import Faults
@@ -25,7 +24,8 @@ from ros_diagnostics_exporter.faults.model import (
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.fleet import behind
+from ros_diagnostics_exporter.fleet import dependencies
+from ros_diagnostics_exporter.fleet.awaited import Awaited
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
@@ -36,7 +36,6 @@ from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
-from ros_diagnostics_exporter.robots.updates import query_of
 
 _Presence = Literal["up", "silent", "pending"]
 _LEVELS = tuple(Level)
@@ -46,10 +45,7 @@ _NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside t
 class RobotReports:
     """One robot, and what was reported of it.
 
-    ``maintenance``, ``maintained`` and ``unreachable`` are as last reported. ``_awaited`` are
-    components of which nothing is received, and from when on (monotonic) an array of the robot
-    shows that they are absent: if none comes it is the robot that is silent, and before that a slow
-    driver is no stale component.
+    ``maintenance``, ``maintained`` and ``cut_off`` are as last reported.
     """
 
     def __init__(self, robot: RobotState, events: deque[Event]) -> None:
@@ -57,19 +53,22 @@ class RobotReports:
         self._events = events
         self.maintenance = False
         self.maintained: frozenset[str] = frozenset()
-        self.unreachable = False
+        self.cut_off = False
         self._settings = robot.settings
         self._limits = robot.limits
         self._declared = robot.declared
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
-        self._behind: behind.Found = {}
+        self._dependencies: dependencies.Dependencies = {}
+        self._measured: frozenset[ComponentName] = frozenset()  # by queries
+        self._received: set[Component] | None = None  # since its return, where that matters
+        self._first: set[Component] = set()  # of these, with the report under way
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._monitors = False  # values: a rule has thresholds
-        self._awaited: dict[Component, float] = {}
+        self._awaited = Awaited(robot)
         self._conditions = RobotConditions(robot)
         self._capabilities = RobotCapabilities(robot)
         self.by_condition = ConditionalProblems()
@@ -91,7 +90,10 @@ class RobotReports:
         self._declared, self._everything = robot.declared, True
         self._monitors = any(rule.thresholds for rule in profile.values)
         settings = RobotSettings(
-            robot.settings.labels, profile.confirm_after, profile.flap_interval
+            robot.settings.labels,
+            profile.confirm_after,
+            profile.flap_interval,
+            boot_grace=profile.boot_grace,
         )
         changes = faults.configure_robot(name, settings, now, declared=robot.declared)
         self._capabilities = RobotCapabilities(robot)
@@ -114,9 +116,11 @@ class RobotReports:
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.is_up, self.maintenance = None, False, self.robot.maintenance
-        self.maintained, self.unreachable = frozenset(), False
+        self.maintained, self.cut_off = self.robot.maintained, False
         self._names, self.read = _names(self.robot.components), self.robot.marks.count
-        return self.configure(faults, now) + self._follow_config(faults, now)
+        changes = self.configure(faults, now) + self._follow_config(faults, now)
+        name = self.robot.settings.name
+        return changes + faults.components_in_maintenance(name, self.maintained, now)
 
     def _follow_config(self, faults: Faults, now: Instant) -> list[Change]:
         """Follow what the config of before the start did not: ignored components, other names."""
@@ -140,7 +144,7 @@ class RobotReports:
 
     def is_due(self, now: Instant) -> bool:
         """Whether there is anything to report that no mark shows: it is back, silent or late."""
-        if self._awaited and self.robot.up and self._has_found_awaited:
+        if self._awaited and self.robot.up and self._awaited.has_found:
             return True
         return self._presence_at(now) != self._presence
 
@@ -154,16 +158,17 @@ class RobotReports:
         if renamed:
             changes += self._follow_names(faults, now)
         if renamed or self._everything:
-            self._follow_behind()
+            self._follow_dependencies()
         if profile.has_conditions or self._everything:
             self._apply_conditions(now)
         if profile.capabilities:
             changes += self._report_capabilities(faults, now)
         if self.robot.up:
             if self._awaited:
-                self._find_awaited()
+                self._awaited.find()
             levels = marks.components(Mark.LEVEL, self.read)
-            self._await_late(levels)
+            self._awaited.await_late(levels)
+            self._note_first(levels)
             changes += self._report_levels(faults, levels, now, renamed=renamed)
             if self._monitors or self._everything:
                 changes += self._report_values(faults, now)
@@ -188,7 +193,7 @@ class RobotReports:
         found = self._conditions.update(self._changed(), everything=self._everything)
         for component, differs in found.items():
             name = self._names.get(component)
-            quiet = None if name is None else self._quiet(component)
+            quiet = None if name is None else self._excuse(component)
             is_known = self.robot.up and quiet is not None and quiet.known
             component.quiet_because = quiet.because if quiet and is_known else ""
             if differs:
@@ -203,7 +208,7 @@ class RobotReports:
             return []
         return faults.configure_capabilities(self.robot.settings.name, wanted, now)
 
-    def _quiet(self, component: Component) -> Quiet | None:
+    def _excuse(self, component: Component) -> Quiet | None:
         """Why the component's trouble is no fault, if it is none."""
         if component.feed is not None and component.feed.shadow:
             return Quiet(SHADOWED, known=True)
@@ -231,7 +236,7 @@ class RobotReports:
         robot = self.robot
         self.by_condition.clear()
         is_first, self._presence = self._presence is None, presence
-        self._awaited = {}
+        self._awaited.clear()
         if presence == "pending":
             known = faults.identities(robot.settings.name)
             if is_first and any(each.state is State.SILENT for each in known):
@@ -242,69 +247,9 @@ class RobotReports:
             since = now if last is None else Instant(last, robot.last_wall)
             return faults.robot_silent(robot.settings.name, since, now)
         self._everything = True
-        self._await_raw()
+        self._received = set() if robot.settings.profile.boot_grace else None
+        self._awaited.await_raw()
         return faults.robot_back(robot.settings.name, now)
-
-    @property
-    def _last(self) -> float:
-        """When the robot's last array was received, monotonic."""
-        return self.robot.last_mono or 0.0
-
-    def _last_of(self, component: Component) -> float:
-        """When what delivers a component was last received, monotonic."""
-        answered = self.robot.measured.last_answer(component)
-        return self._last if answered is None else answered
-
-    def _await_raw(self) -> None:
-        """Wait for the raw components that the array which brought the robot back lacks."""
-        default = self.robot.settings.profile.stale_after
-        for component in self.robot.components:
-            if self._is_raw(component) and component.is_stale and component.listed < self._last:
-                absent = self._last + component.stale_after(default, raw=True)
-                self._awaited.setdefault(component, absent)
-
-    def _await_late(self, changed: Iterable[Component]) -> None:
-        """Wait for an array that lacks the components that turned STALE because none came."""
-        default = self.robot.settings.profile.stale_after
-        for component in changed:
-            if not component.is_stale or self._is_reported_stale(component):
-                continue
-            # An aggregator's next array: those since that lacked it were of one that just started.
-            absent = nextafter(self._last, inf)
-            if self._is_raw(component):
-                absent = component.listed + component.stale_after(default, raw=True)
-            if absent > self._last_of(component):
-                self._awaited.setdefault(component, absent)
-
-    def _is_raw(self, component: Component) -> bool:
-        if query_of(component.identity) is not None:
-            return True
-        return self.robot.source is Source.RAW or component.raw_received is not None
-
-    def _is_reported_stale(self, component: Component) -> bool:
-        """Whether the last array has the component as STALE, or is an aggregator's without it."""
-        if component.missing:
-            return True
-        return component.stale_at_source and component.listed >= self._last_of(component)
-
-    @property
-    def _has_found_awaited(self) -> bool:
-        """Whether the last array shows one of them to be absent, or has it as STALE.
-
-        That is no change of its level, which was STALE before for want of anything received.
-        """
-        return any(
-            self._last_of(component) >= absent or self._is_reported_stale(component)
-            for component, absent in self._awaited.items()
-        )
-
-    def _find_awaited(self) -> None:
-        """Have those reported that are received now, or that an array shows to be absent."""
-        for component, absent in list(self._awaited.items()):
-            is_known = not component.is_stale or self._is_reported_stale(component)
-            if is_known or self._last_of(component) >= absent:
-                del self._awaited[component]
-                self.robot.components.report_again(component)
 
     # -- components --------------------------------------------------------------------------
 
@@ -337,7 +282,7 @@ class RobotReports:
         for component, old in self._names.items():
             if component not in names:
                 changes += faults.forget_component(robot, old, now)
-                self._awaited.pop(component, None)
+                self._awaited.drop(component)
         for component, new in names.items():
             former = self._names.get(component)
             if former is not None and former != new:
@@ -347,11 +292,14 @@ class RobotReports:
         self._names = names
         return changes
 
-    def _follow_behind(self) -> None:
-        """Have those reported that are behind others than before."""
-        former, self._behind = self._behind, behind.find(self._names)
-        for component in former.keys() | self._behind.keys():
-            if former.get(component) != self._behind.get(component) and component in self._names:
+    def _follow_dependencies(self) -> None:
+        """Have those reported that depend on others than before."""
+        former, self._dependencies = self._dependencies, dependencies.find(self._names)
+        measured = (name for each, name in self._names.items() if each.feed is not None)
+        self._measured = frozenset(measured)
+        for component in former.keys() | self._dependencies.keys():
+            differs = former.get(component) != self._dependencies.get(component)
+            if differs and component in self._names:
                 self.robot.components.report_again(component)
 
     def _report_levels(
@@ -374,14 +322,15 @@ class RobotReports:
                 yield component, name
 
     def _component_report(self, component: Component, name: ComponentName) -> ComponentReport:
-        """The component as it is judged: well, or not known, where its condition says so."""
+        """The component as it is judged: healthy, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
-        quiet = self._quiet(component)
+        is_first = component in self._first
+        excuse = self._excuse(component)
         if self.robot.network.lossy and component.feed is None and level is Level.STALE:
-            quiet = Quiet("messages are lost", known=False)
-        if quiet is None or level is Level.OK:
-            return ComponentReport(name, level, settings)
-        if quiet.known and level is not Level.STALE:
+            excuse = Quiet("messages are lost", known=False)
+        if excuse is None or level is Level.OK:
+            return ComponentReport(name, level, settings, is_first)
+        if excuse.known and level is not Level.STALE:
             return ComponentReport(name, Level.OK, settings)
         # As a STALE that is planned: nothing begins, and nothing ends.
         settings = replace(settings, planned_stale=True, stale_is_critical=False)
@@ -395,14 +344,28 @@ class RobotReports:
             own = component.feed.confirm_after if own is None else own
             planned = planned or component.feed.planned_stale
         confirm_after = profile.confirm_after if own is None else own
-        of = self._behind.get(component, frozenset())
-        if of:
-            measured = {name for each, name in self._names.items() if each.feed is not None}
-            confirm_after += 0.0 if measured.isdisjoint(of) else UPLINK_TIME
-        is_measured, is_critical = component.feed is not None, profile.stale_is_critical
+        depends_on = self._dependencies.get(component, frozenset())
+        if not self._measured.isdisjoint(depends_on):
+            confirm_after += UPLINK_TIME
         return ComponentSettings(
-            confirm_after, planned, is_critical and not planned, is_measured, of
+            confirm_after,
+            planned,
+            profile.stale_is_critical and not planned,
+            measured=component.feed is not None,
+            uplink=component.feed is not None and component.feed.uplink,
+            depends_on=depends_on,
         )
+
+    def _note_first(self, changed: Iterable[Component]) -> None:
+        """Note which components were not received since the robot came back, before now.
+
+        Only where trouble that is there from then on has a boot_grace.
+        """
+        self._first = set()
+        if self._received is not None:
+            received = self._names if self._everything else changed
+            self._first = {each for each in received if not each.is_stale} - self._received
+            self._received |= self._first
 
     # -- values and checks -------------------------------------------------------------------
 
@@ -432,7 +395,8 @@ class RobotReports:
                 value.key,
                 None if stale else value.number,
                 value.rule.thresholds,
-                Verdict.BAD if stale else self._most(component, value.rule),
+                Verdict.FAILING if stale else self._most(component, value.rule),
+                component in self._first,
             )
             for value in component.values.all
             if value.rule is not None and value.rule.thresholds
@@ -452,8 +416,8 @@ class RobotReports:
         """The worst that a value's conditions let it be."""
         quiet = self._conditions.find(component, rule.conditions)
         if quiet is None:
-            return Verdict.BAD
-        return Verdict.WELL if quiet.known else Verdict.HELD
+            return Verdict.FAILING
+        return Verdict.HEALTHY if quiet.known else Verdict.NO_DATA
 
     def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
         expected = _expected(self._settings.profile)

@@ -426,13 +426,8 @@ class FleetState(WatchedFleet):
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.engine.abilities(robot.settings.name)
 
-    def fleet_needs(self) -> dict[str, NeedView]:
-        """What the fleet can do, with its expressions and how good all robots are."""
-        with self._lock:
-            return self._faults.engine.fleet_needs()
-
-    def needs(self, robot: str) -> dict[str, NeedView]:
-        """What a robot can do, with its expressions and how good all parts are.
+    def needs(self, robot: str | None) -> dict[str, NeedView]:
+        """What a robot, or (None) the fleet, can do, with how good all its parts are.
 
         Raises:
             LookupError: there is no such robot.

@@ -267,7 +267,7 @@ class Exposition:
         fleet = self._state.fleet
         own = {"fleet": fleet.name, "exporter": fleet.exporter}
         states, robots = [], []
-        for name, view in self._state.fleet_needs().items():
+        for name, view in self._state.needs(None).items():
             labels = label_pairs({**own, "capability": name})
             states.append(f"{{{labels}}} {STATES[view.ability]}")
             numbers = robot_counts(view)

@@ -232,7 +232,7 @@ COMPONENT_QUIET_REASON = _family(
     "component_quiet_reason",
     "gauge",
     "1 while a fault that is due does not begin because another one explains it: that of what the "
-    "component is behind (behind), or of a capability that needs it (capability).",
+    "component depends on (depends_on), or of a capability that needs it (capability).",
     (*COMPONENT, "reason"),
 )
 COMPONENT_INFO = _family(

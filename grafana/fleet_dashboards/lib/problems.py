@@ -196,7 +196,11 @@ def _care(matchers: str, states: str) -> str:
             f"({soft_robots} and on (fleet, robot) {behind})",
             *("care", "uplink or domain down"),
         ),
-        label(f'max by ({_COMPONENT}) ({quiet}, reason="behind"}})', "care", "behind what fails"),
+        label(
+            f'max by ({_COMPONENT}) ({quiet}, reason="depends_on"}})',
+            "care",
+            "depends on what fails",
+        ),
         label(f"max by ({_COMPONENT}) ({quiet}}})", "care", "part of a capability in trouble"),
         label(f"({soft})", "care", "not confirmed"),
     )

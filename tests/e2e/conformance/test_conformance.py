@@ -37,11 +37,11 @@ MISTAKES = {
         "components.py",
         """\
             if state is not State.FLAPPING:
-                give_verdict(book, problem, Verdict.HELD)
+                give_verdict(book, problem, Verdict.NO_DATA)
 """,
         """\
             if state is not State.FLAPPING:
-                give_verdict(book, problem, Verdict.WELL)
+                give_verdict(book, problem, Verdict.HEALTHY)
 """,
         "a service is CRITICAL before its host is down",
     ),

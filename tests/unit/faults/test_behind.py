@@ -27,7 +27,7 @@ LASER = "began component/critical r1 laser"
 def behind(component: str, to: int, *of: str, robot: str = "r1", **more: object) -> Event:
     """A component that is behind these (power)."""
     names = frozenset(("", each) for each in of or ("power",))
-    return level(component, to, robot, behind=names, **more)
+    return level(component, to, robot, depends_on=names, **more)
 
 
 def test_what_fails_with_it_and_recovers_with_it_is_one_fault_and_one_recovery():
@@ -121,7 +121,7 @@ def test_a_component_behind_several_is_explained_by_each():
 
 def test_many_behind_one_are_not_many_components_at_once():
     names = frozenset({("", "power")})
-    all_of_them = levels(PARTS, STALE, behind=names)
+    all_of_them = levels(PARTS, STALE, depends_on=names)
     play((0, together(level("power", ERROR), all_of_them)), (10, None, POWER), (300, None))
     # Those that are known to fail before it wait for as long as a query takes to notice.
     play((0, all_of_them), (9, level("power", ERROR)), (19, None, POWER), (300, None))
@@ -141,8 +141,8 @@ def test_the_same_component_behind_others_of_many_robots_is_no_common_cause():
         robots=robots,
         settings=settings,
     )
-    quiet = {each.quiet for each in last.faults.problems(last.at(300)) if each.fault is None}
-    assert quiet == {Reason.BEHIND}
+    quiet = {each.suppressed for each in last.faults.problems(last.at(300)) if each.fault is None}
+    assert quiet == {Reason.DEPENDS_ON}
 
 
 def test_what_flaps_with_it_is_one_fault():

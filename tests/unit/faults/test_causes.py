@@ -39,9 +39,9 @@ def test_many_components_of_a_robot_are_one_and_those_left_over_are_reported_aft
         (60, levels(PARTS[1:], ERROR, total=10)),
         (70, None, f"began {MANY}"),
         (120, levels(PARTS[2:], OK, total=10), f"recovered {MANY}"),
-        (129, None),
-        (130, None, f"began {two}"),
-        (150, levels(PARTS[:2], OK, total=10), f"recovered {one}", f"recovered {two}"),
+        (189, None),  # the minute for which it lasted, and the part's confirm_after
+        (190, None, f"began {two}"),
+        (200, levels(PARTS[:2], OK, total=10), f"recovered {one}", f"recovered {two}"),
     )
 
 
@@ -53,7 +53,7 @@ def test_half_of_many_are_enough_to_confirm_it_and_fewer_are_not():
             (0, levels(six, ERROR)),
             (5, levels(six[left:], OK)),
             (10, None, *began),
-            (15, None, *own),
+            (20, None, *own),
             settings=few,
         )
 
@@ -135,12 +135,12 @@ def test_a_site_that_is_cut_off_is_one_and_robots_that_stay_silent_are_reported_
         (39, None),
         (40, None, "began site/silent hall"),
         (90, together(*map(back, SIX[:5])), "recovered site/silent hall"),
-        (99, None),
-        (100, None, "began robot/silent r6"),
+        (159, None),  # the minute for which the site was silent, and the robot's confirm_after
+        (160, None, "began robot/silent r6"),
     )
     assert [fault.since - WALL for fault in last.faults.faults()] == [30]
     assert [fault.labels["site"] for fault in last.faults.faults()] == ["hall"]
-    last.write(100)
+    last.write(160)
     assert "cause" not in {kind for kind, _key in last.rows}  # it explains nothing any more
 
 
@@ -210,7 +210,7 @@ def test_robots_that_a_person_takes_out_are_no_part_of_it():
         (20, on_robots(SIX[:3], silent)),
         (30, None, "began site/silent hall"),
         (40, together(*map(forget, SIX[:2])), "recovered site/silent hall"),
-        (50, None, "began robot/silent r3"),
+        (70, None, "began robot/silent r3"),
         settings=FaultSettings(site=CauseSettings(3, 0.5)),
     )
 
@@ -224,7 +224,7 @@ def test_components_that_a_person_takes_out_are_no_part_of_it():
             together(*(forget(robot, "camera") for robot in SIX[:2])),
             "recovered common/critical camera",
         ),
-        (30, None, "began component/critical r3 camera"),
+        (50, None, "began component/critical r3 camera"),
         robots=SIX,
         settings=FaultSettings(common=CauseSettings(3, 0.5)),
     )
@@ -237,7 +237,7 @@ def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
         (20, on_robots(SIX[3:], level, "camera", OK)),
         (30, level("camera", OK), "recovered common/critical camera"),
         (35, together()),
-        (40, None, *(f"began component/critical {robot} camera" for robot in SIX[1:3])),
+        (70, None, *(f"began component/critical {robot} camera" for robot in SIX[1:3])),
         robots=TEN,
     )
 

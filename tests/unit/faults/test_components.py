@@ -220,4 +220,4 @@ def test_why_a_problem_is_quiet():
 
     view = next(last.faults.problems(last.at(last.second)))
     assert (view.since - WALL, view.due - WALL, view.fault) == (0, 10, None)
-    assert view.quiet == "maintenance"
+    assert view.suppressed == "maintenance"

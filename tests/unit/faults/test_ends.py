@@ -4,7 +4,8 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import Fault, Identity, PartName, Scope, State
+from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
 from support.fault_histories import (
     ERROR,
     OK,
@@ -25,6 +26,7 @@ from support.fault_histories import (
 MOTOR = Identity(Scope.COMPONENT, State.CRITICAL, robot="r1", component="motor")
 SILENT = Identity(Scope.ROBOT, State.SILENT, robot="r1")
 SITE = Identity(Scope.SITE, State.SILENT, site="hall")
+LIFTING = WantedCapability("lifting at hall", AtLeast(1, (PartName(check="lifting", robot="r1"),)))
 
 
 def ends(faults: Faults) -> list[tuple[str, str, float]]:
@@ -253,10 +255,18 @@ def test_many_components_go_on_until_the_robot_had_time_to_report_them():
     assert texts(last.go(110)) == ["recovered robot/many r1 critical"]
 
 
-def test_a_site_of_which_no_robot_is_known_yet_is_not_over():
-    last = fresh()
+@pytest.mark.parametrize("robots", [(), ("r1",)])
+def test_what_no_robot_has_is_not_adopted_because_nothing_could_end_it(robots):
+    lifting = Identity(Scope.CAPABILITY, State.LOST, check="lifting at hall")
+    last = fresh(*robots)
+    assert adopt(last, 1, SITE._replace(site="yard"), lifting) == []
+
+
+def test_a_site_with_too_few_robots_is_over_once_all_of_them_are_received():
+    last = fresh("r1", settings=FaultSettings(site=CauseSettings(3, 0.5)))
     assert adopt(last, 1, SITE) == ["began site/silent hall"]
-    assert texts(last.go(10_000, robot_settings("r1", declared=False, site="hall"))) == []
+    assert texts(last.go(1_000)) == []
+    assert texts(last.go(1_001, back("r1"))) == ["recovered site/silent hall"]
 
 
 @pytest.mark.parametrize(
@@ -277,6 +287,7 @@ def test_a_site_of_which_no_robot_is_known_yet_is_not_over():
 )
 def test_nothing_that_was_adopted_ends_while_nothing_is_received(identity):
     last = fresh("r1")
+    last.go(0.5, lambda faults, now: faults.configure_capabilities(None, [LIFTING], now))
     assert len(adopt(last, 1, identity)) == 1
     for second in (5, 100, 300):
         last.go(second, lambda *_: [])

@@ -37,7 +37,7 @@ def hall(*events: Event) -> Event:
     def configure(faults: Faults, now: Instant) -> list[Change]:
         for robot in ROBOTS:
             faults.configure_capabilities(robot, [LIFT], now)
-        return faults.configure_fleet([WantedCapability("lifting", TWO)], now)
+        return faults.configure_capabilities(None, [WantedCapability("lifting", TWO)], now)
 
     return together(configure, *events)
 

@@ -108,5 +108,5 @@ def test_a_wall_clock_that_is_set_moves_the_hours():
 def test_why_it_is_quiet():
     last = play((0, level("motor", WARN)), settings=SETTINGS)
     (problem,) = last.faults.problems(last.at(20))
-    assert problem.quiet is Reason.HOURS
+    assert problem.suppressed is Reason.HOURS
     assert problem.fault is None

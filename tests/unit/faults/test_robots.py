@@ -64,8 +64,8 @@ _OUTAGES = [
 def test_a_robot_that_comes_and_goes_is_flapping_once():
     play(
         *_OUTAGES,
-        (240, silent(), "began robot/flapping r1"),
-        (248, back()),
+        (240, silent()),
+        (248, back(), "began robot/flapping r1"),
         (300, silent()),
         (320, None),
         (330, back("r1", level("motor", ERROR), level("camera", STALE))),
@@ -77,7 +77,9 @@ def test_a_robot_that_comes_and_goes_is_flapping_once():
 def test_a_robot_that_stays_away_after_a_restart_is_no_longer_flapping_and_silent():
     play(
         *_OUTAGES,
-        (240, silent(), "began robot/flapping r1"),
+        (240, silent()),
+        (248, back(), "began robot/flapping r1"),
+        (249, silent()),
         (250, restart()),
         (1500, None, "recovered robot/flapping r1", "began robot/silent r1"),
     )

@@ -85,7 +85,7 @@ def test_a_value_that_is_in_warning_already_does_not_fall_as_well():
     follow(known, [19.0, 19.0], thresholds=BATTERY)
     assert follow(known, drain(18, 25, 0.25), 2, thresholds=BATTERY) == []
     [_, falling] = known.faults.problems(known.at(27 * MINUTE))
-    assert falling.quiet is Reason.FAULT
+    assert falling.suppressed is Reason.FAULT
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_the_threshold_that_counts_may_be_any_of_several():
 def test_a_value_that_does_not_count_now_does_not_fall():
     known = battery()
     for minute, number in enumerate(drain(60, 40)):
-        report = ValueReport("charge", number, EMPTY, most=Verdict.HELD)
+        report = ValueReport("charge", number, EMPTY, most=Verdict.NO_DATA)
         known.go(minute * MINUTE, reported(report))
     assert list(known.faults.faults()) == []
 

@@ -46,8 +46,8 @@ def test_an_uplink_that_fails_again_at_once_goes_on_to_explain():
         (40, unreachable("r1", is_so=True)),  # before the robot had its half minute to return
         (300, None),
         (301, unreachable("r1", is_so=False)),
-        (360, None),
-        (361, None, SILENT),
+        (370, None),
+        (371, None, SILENT),
     )
 
 

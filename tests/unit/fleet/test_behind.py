@@ -59,7 +59,7 @@ class Driver(StateDriver):
 
     def quiet(self) -> dict[str, str]:
         found = self.state.problems(self.now, "r")
-        return {each.identity.component: each.quiet.value for each in found if each.quiet}
+        return {each.identity.component: each.suppressed.value for each in found if each.suppressed}
 
 
 def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
@@ -67,11 +67,11 @@ def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
     driver.pass_to(39, "Laser")  # since 20 s
     assert driver.began() == []
     driver.pass_to(42, "Laser", "Computer 2")
-    assert driver.quiet() == {"Laser": "behind"}
+    assert driver.quiet() == {"Laser": "depends_on"}
     assert driver.reasons() == {}  # it is not due yet
     driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
     assert driver.began() == ["Computer 2"]
-    assert driver.quiet() == driver.reasons() == {"Laser": "behind"}
+    assert driver.quiet() == driver.reasons() == {"Laser": "depends_on"}
     driver.pass_to(400)
     assert driver.reasons() == {}
 

@@ -369,7 +369,7 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(com
     driver.raw_every(1, 100, HOT, LASER)
     assert driver.fault_names() == set()
     (problem,) = driver.state.problems(driver.now, "r")
-    assert problem.quiet is Reason.MAINTENANCE
+    assert problem.suppressed is Reason.MAINTENANCE
     if component != "Motor":
         driver.at(140)  # switched off
     assert driver.fault_names() == set()
@@ -711,7 +711,9 @@ def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
     driver.state.plan([planned("Motor~2", 0)], driver.now)
     driver.stand(12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
     assert driver.fault_names() == {("component", "critical", "r", "Motor")}
-    quiet = {each.identity.component: each.quiet for each in driver.state.problems(driver.now, "r")}
+    quiet = {
+        each.identity.component: each.suppressed for each in driver.state.problems(driver.now, "r")
+    }
     assert quiet == {"Motor": None, "Motor~2": Reason.MAINTENANCE}
 
 
@@ -792,7 +794,7 @@ def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes(
     driver.stand(12, HOT, charger)
     assert driver.component("Motor").quiet_because == "unless Charger is OK"
     (problem,) = driver.state.problems(driver.now)
-    assert (problem.quiet, problem.because) == (Reason.CONDITION, "unless Charger is OK")
+    assert (problem.suppressed, problem.because) == (Reason.CONDITION, "unless Charger is OK")
     driver.stand(2, HOT, charger._replace(level=WARN))
     assert driver.component("Motor").quiet_because == ""
     events = [each for each in driver.events if each.kind == "condition"]

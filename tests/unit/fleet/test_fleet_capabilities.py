@@ -114,7 +114,7 @@ def test_each_robot_has_its_own_fault_all_the_same(hall):
 def test_robots_elsewhere_and_those_that_have_no_such_capability_do_not_count(hall):
     hall.work(30, far=ERROR, dog=ERROR, r1=ERROR)
     assert hall.changes == []
-    (view,) = hall.state.fleet_needs().values()
+    (view,) = hall.state.needs(None).values()
     assert {each.robot for each in view.parts} == set(IN_HALL)
 
 
@@ -132,7 +132,7 @@ def test_of_silent_robots_it_is_not_known(hall):
         "3 of 5 robots can;\nr1 may not have lifting;\nr2 may not have lifting"
     ]
     hall.work(60, r3=None)
-    (view,) = hall.state.fleet_needs().values()
+    (view,) = hall.state.needs(None).values()
     assert view.ability.name == "UNKNOWN"
     hall.work(60, r4=None, r5=None)
     assert hall.changes == ["began no_reserve"]
@@ -220,7 +220,7 @@ def test_one_capability_of_the_fleet_rests_on_another_and_on_expressions(tmp_pat
         "{can: lifting, robots: {site: yard}}]}]"
     )
     hall = Hall(tmp_path, least).work(40).work(30, r1=ERROR, r2=ERROR)
-    states = {name: view.ability.name for name, view in hall.state.fleet_needs().items()}
+    states = {name: view.ability.name for name, view in hall.state.needs(None).items()}
     assert states == {"lifting at hall": "LOST", "deliveries": "LOST"}
 
 

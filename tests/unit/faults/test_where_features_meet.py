@@ -1,0 +1,181 @@
+"""Mistakes that were made where two features meet: each was seen once, by a person."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
+from ros_diagnostics_exporter.faults.model import (
+    Ability,
+    ComponentName,
+    ComponentReport,
+    ComponentSettings,
+    PartName,
+    RobotSettings,
+)
+from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
+from support.fault_histories import (
+    ERROR,
+    OK,
+    STALE,
+    WARN,
+    back,
+    level,
+    levels,
+    on_robots,
+    play,
+    player,
+    robot_settings,
+    silent,
+    texts,
+    together,
+)
+
+UPPER, LOWER = "lidar upper", "lidar lower"
+VIEW = WantedCapability("view", AtLeast(1, (PartName(component=UPPER), PartName(component=LOWER))))
+CRITICAL = f"began component/critical r1 {UPPER}"
+SIX = [f"r{number}" for number in range(1, 7)]
+
+
+def can(*events):
+    """The events of a robot that can see by one of two lidars, as after each start."""
+    return together(lambda faults, now: faults.configure_capabilities("r1", [VIEW], now), *events)
+
+
+def test_a_lidar_that_is_error_is_reported_although_the_other_is_lost_too():
+    """The capability is unknown then, has no fault, and suppresses nothing."""
+    play(
+        (0, can(level(UPPER, ERROR))),
+        (2, can(level(LOWER, STALE))),
+        (12, None, CRITICAL, "began component/stale r1 lidar lower"),
+    )
+
+
+def test_a_capability_without_reserve_does_not_hide_that_nothing_is_left():
+    play(
+        (0, can(level(UPPER, ERROR))),
+        (10, None, "began capability/no_reserve r1 view"),
+        (60, can(level(LOWER, STALE))),
+        (70, None, "began component/stale r1 lidar lower"),
+        (120, None, CRITICAL),  # the 50 s for which the capability said it, and confirm_after
+    )
+
+
+def test_what_is_switched_off_as_planned_explains_nothing():
+    on_board = {"depends_on": frozenset({("", "board")})}
+    play(
+        (0, level("board", ERROR, planned_stale=True)),
+        (3, level("board", STALE, planned_stale=True)),
+        (10, level(UPPER, ERROR, **on_board)),
+        (20, None, CRITICAL),
+    )
+
+
+def test_components_that_flash_while_they_are_switched_off_are_not_many():
+    parts = [f"part {number}" for number in range(10)]
+    play(
+        (0, levels(parts, ERROR, planned_stale=True)),
+        (2, levels(parts, STALE, planned_stale=True)),
+        (1000, None),
+    )
+
+
+def test_many_that_are_a_fault_are_not_over_because_they_are_switched_off():
+    parts = [f"part {number}" for number in range(10)]
+    play(
+        (0, levels(parts, ERROR, planned_stale=True)),
+        (10, None, "began robot/many r1 critical"),
+        (20, levels(parts, STALE, planned_stale=True)),
+        (1000, levels(parts, OK), "recovered robot/many r1 critical"),
+    )
+
+
+def test_what_is_no_fault_in_time_explains_nothing():
+    """The board takes an hour to be confirmed."""
+    on_board = {"depends_on": frozenset({("", "board")})}
+    play(
+        (0, together(level("board", ERROR, confirm_after=3600), level(UPPER, ERROR, **on_board))),
+        (10, None, CRITICAL),
+        (3600, None, "began component/critical r1 board"),
+    )
+
+
+def test_a_value_is_not_known_while_its_component_is_stale():
+    charge = WantedCapability(
+        "driving", AtLeast(None, (PartName(component="battery", key="charge"),))
+    )
+    last = play((0, lambda faults, now: faults.configure_capabilities("r1", [charge], now)))
+    last.go(1, level("battery", STALE))
+    assert last.faults.abilities("r1")["driving"].ability is Ability.UNKNOWN
+
+
+def test_robots_of_a_switch_that_is_away_four_times_do_not_flap():
+    steps = [
+        step
+        for number in range(5)
+        for step in (
+            (100 * number + 20, on_robots(SIX, silent)),
+            (100 * number + 29, together(*map(back, SIX))),
+        )
+    ]
+    play(
+        (0, together(*(robot_settings(robot, site="hall") for robot in SIX))),
+        *steps,
+        (1000, None),
+        robots=SIX,
+        settings=FaultSettings(site=CauseSettings(3, 0.5)),
+    )
+
+
+def test_a_robot_that_comes_back_is_not_silent_although_it_flaps():
+    outages = [
+        step
+        for minute in range(1, 8)
+        for step in ((60 * minute, silent()), (60 * minute + 30, back()))
+    ]
+    last = player(["r1"], FaultSettings())
+    changes = []
+    for second, event in outages:
+        changes += last.go(second, event)
+    assert "began robot/flapping r1" in texts(changes)
+    assert [fault.identity.state.value for fault in last.faults.faults()] == ["flapping"]
+
+
+def boots(component: str, to: int, *, is_first: bool):
+    reports = [ComponentReport(ComponentName("", component), to, ComponentSettings(10.0), is_first)]
+    return lambda faults, now: faults.components_changed("r1", reports, 20, now)
+
+
+def booting(seconds: float):
+    how = RobotSettings({}, 10.0, boot_grace=seconds)
+    return lambda faults, now: faults.configure_robot("r1", how, now, declared=True)
+
+
+def test_what_is_wrong_from_the_first_message_on_has_the_boot_grace():
+    play(
+        (0, booting(120.0)),
+        (10, silent()),
+        (20, None, "began robot/silent r1"),
+        (
+            60,
+            back("r1", boots(UPPER, ERROR, is_first=True), boots("motor", OK, is_first=True)),
+            "recovered robot/silent r1",
+        ),
+        (70, boots("motor", ERROR, is_first=False)),
+        (80, None, "began component/critical r1 motor"),
+        (179, None),
+        (180, None, CRITICAL),
+    )
+
+
+def test_what_is_well_in_time_is_no_fault_after_a_boot():
+    play(
+        (0, booting(120.0)),
+        (10, silent()),
+        (20, None, "began robot/silent r1"),
+        (
+            60,
+            back("r1", boots(UPPER, WARN, is_first=True)),
+            "recovered robot/silent r1",
+        ),
+        (170, level(UPPER, OK)),
+        (1000, None),
+    )
