@@ -9,7 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -19,14 +19,14 @@ from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime,
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
+from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, fault_id
+from ros_diagnostics_exporter.faults.model import Fault, fault_id, fault_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -50,7 +50,7 @@ class Service:
 
     Raises:
         InUseError: another exporter has the database of ``storage`` open.
-        VersionError: the database is of another version.
+        ForeignError: the database is of another program.
     """
 
     CHECK = 1.0  # seconds between two judgements of the exporter itself
@@ -263,13 +263,19 @@ class Service:
             self._record(*self.state.take_events())
 
     def _record(self, *events: Event) -> None:
-        for event in events:
+        for event in map(self._with_fault, events):
             self.events.record(event)
             self._notifications.note(event)
             if self._capsules is not None and event.kind == "fault_began" and event.robot:
-                fault = fault_of(self.state.fleet, asdict(event))
-                self._capsules.note(fault, event, read_clocks())
+                self._capsules.note(event.fault, event, read_clocks())
                 self._capsules_loop.wake()
+
+    def _with_fault(self, event: Event) -> Event:
+        """An event with the id of the fault that it is of."""
+        if event.since is None:
+            return event
+        fleet = self.state.fleet
+        return replace(event, fault=fault_of(fleet.name, fleet.exporter, asdict(event)))
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -380,12 +386,11 @@ class Service:
     def fault_history(self, fault: str) -> dict[str, Any]:
         """Each time that a fault lasted as /api/v1/faults/ID returns it."""
         self._record_events()
-        fleet, now = self.state.fleet, read_clocks()
         return {
             "fault": fault,
-            "time": now.wall,
+            "time": read_clocks().wall,
             "events_since": self._events_since(),
-            "occurrences": history(self._find, lambda event: fault_of(fleet, event) == fault),
+            "occurrences": history(self._find, fault),
         }
 
     def why(

@@ -31,7 +31,7 @@ class History(NamedTuple):
 
     slots: Annotated[list[Number], Field(min_length=SLOTS, max_length=SLOTS)]
     last: Moment
-    changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)]
+    changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)] = []  # noqa: RUF012
 
 
 class StoredSettings(NamedTuple):
@@ -50,7 +50,7 @@ class StoredFault(NamedTuple):
     confirmed: Moment
     labels: Labels
     evidence: Text
-    work: Text
+    work: Text = ""
     details: Annotated[dict[Text, Any], Field(max_length=100)] = {}  # noqa: RUF012
 
 

@@ -188,4 +188,4 @@ def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
     record(driver, 4, 51)
     assert "1 events are lost" in caplog.text
     assert not caplog.records[-1].exc_info
-    assert '"message": "50 "' in content()["events"][-1][-1]
+    assert '"message": "50 "' in content()["events"][-1][-2]
