@@ -145,23 +145,25 @@ class Capsules:
         self.rings.follow(topics, robots | {each.event.robot for each in waiting})
 
     def turn(self, now: Instant) -> None:
-        """Compress what was received, and write the capsules that are complete."""
+        """Compress what was received, and write the capsules that are complete.
+
+        Raises:
+            OSError: at least one could not be written; all others are.
+        """
         self.rings.compress()
-        written = False
-        for each in [each for each in list(self._waiting) if each.due <= now.mono]:
-            try:
-                self._write(each, now)
-            finally:
-                self._waiting.remove(each)  # one that cannot be written is not tried again
-                self._so_far.pop(each.fault, None)
-            written = True
+        due = [each for each in list(self._waiting) if each.due <= now.mono]
+        errors = [error for each in due if (error := self._finish(each, now)) is not None]
         for each in list(self._waiting):
             if each.fault not in self._so_far and (content := self._content(each, now)):
                 self._so_far[each.fault] = content
-        if written:
+        if self._newest is None:  # the first time
+            self._remove_unfinished()
+        if due:
             self._prune(now)
-        if written or self._newest is None:
+        if due or self._newest is None:
             self._newest = self._find()
+        if errors:
+            raise errors[0]
 
     def read(self, fault: str, now: Instant) -> bytes:
         """The newest capsule of a fault.
@@ -202,6 +204,22 @@ class Capsules:
 
     # -- files ---------------------------------------------------------------------------------
 
+    def _finish(self, waiting: Waiting, now: Instant) -> OSError | None:
+        """Write one that is complete; the error if it cannot be, which is not tried again."""
+        try:
+            self._write(waiting, now)
+        except OSError as error:
+            return error
+        finally:
+            self._waiting.remove(waiting)
+            self._so_far.pop(waiting.fault, None)
+        return None
+
+    def _remove_unfinished(self) -> None:
+        """Remove what an exporter that was killed has left."""
+        for path in self._folder.glob("*.part"):
+            path.unlink(missing_ok=True)
+
     def _find(self) -> dict[str, float]:
         """When the fault of the newest capsule began, by id."""
         found: dict[str, float] = {}
@@ -218,8 +236,12 @@ class Capsules:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         path = self._folder / f"{waiting.fault}-{waiting.event.time:.0f}.mcap"
         unfinished = path.with_suffix(".part")
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+        try:
+            unfinished.write_bytes(content)
+            unfinished.replace(path)
+        except OSError:  # the disk is full, for example
+            unfinished.unlink(missing_ok=True)
+            raise
 
     def _content(self, waiting: Waiting, now: Instant) -> bytes | None:
         """What was received until now; None of a robot of which nothing was."""

@@ -6,9 +6,10 @@ import io
 import json
 import os
 import random
+import resource
 import struct
 from binascii import crc32
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 
 import pytest
@@ -234,6 +235,39 @@ def test_one_that_cannot_be_written_is_not_tried_again(capsules, tmp_path):
     with pytest.raises(FileExistsError):
         capsule(capsules)
     capsules.turn(at(111))
+
+
+@contextmanager
+def full_disk(room):
+    """The real error of real writes: no file may be larger than ``room`` bytes."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limit[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+
+
+def test_one_that_cannot_be_written_whole_leaves_nothing_and_hinders_no_other(capsules, tmp_path):
+    """The first is of a robot with much, the second of one with little."""
+    large, small = TOPICS
+    capsules._topics = lambda robot: (large,) if robot == "r" else (small,)
+    receive(capsules.rings, large, range(60, 110), size=40_000)
+    receive(capsules.rings, small, range(100, 102))
+    for fault, robot in ((FAULT, "r"), ("ba9876543210", "s")):
+        capsules.note(fault, replace(BEGAN, robot=robot), at(100))
+    with full_disk(7_000), pytest.raises(OSError, match="File too large"):
+        capsules.turn(at(110))
+
+    assert [each.name[:12] for each in (tmp_path / "kept").iterdir()] == ["ba9876543210"]
+    capsules.turn(at(111))
+
+
+def test_what_a_killed_exporter_left_unfinished_is_removed(capsules, tmp_path):
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / f"{FAULT}-1.part").write_bytes(b"half")
+    capsules.turn(at(1))
+    assert list((tmp_path / "kept").iterdir()) == []
 
 
 def test_only_the_exporters_user_may_read_them(capsules, tmp_path):
