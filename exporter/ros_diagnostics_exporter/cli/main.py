@@ -28,7 +28,8 @@ from ros_diagnostics_exporter.sources.dds import check_ros
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.sources.ros_environment import RosMissingError, split_arguments
 from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
-from ros_diagnostics_exporter.storage.database import ForeignError, InUseError, Retention
+from ros_diagnostics_exporter.storage.database import ForeignError, InUseError
+from ros_diagnostics_exporter.storage.retention import Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError

@@ -23,7 +23,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.events import Event, Wanted, filled
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.storage.retention import LEAST
 from ros_diagnostics_exporter.storage.schema import (
     APPLICATION,
     INDEXES,
@@ -124,41 +124,6 @@ class Lock:
     def close(self) -> None:
         """Let another process have the database."""
         os.close(self._file)
-
-
-@dataclass(frozen=True)
-class Retention:
-    """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
-
-    seconds: float = 90 * 86_400.0
-    size: int = 256 << 20
-
-
-class AgeClock:
-    """The wall clock by which events become old, which follows one that was set ahead slowly.
-
-    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
-    """
-
-    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
-
-    def __init__(self) -> None:
-        self._last: Instant | None = None
-
-    def set(self, wall: float | None, now: Instant) -> None:
-        """Go on from what it was in an earlier process, None: from now."""
-        self._last = now if wall is None else Instant(now.mono, wall)
-
-    def time(self, now: Instant) -> float:
-        """Unix time, never ahead of the wall clock."""
-        return min(self.wall(now), now.wall)
-
-    def wall(self, now: Instant) -> float:
-        """What a later process goes on from; ahead of a wall clock that was set back."""
-        last = self._last or now
-        most = last.wall + self.FASTEST * (now.mono - last.mono)
-        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
-        return self._last.wall
 
 
 def _no_fault(_event: str) -> None:
@@ -292,8 +257,10 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> None:
+    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> bool:
         """Write what changed, and delete the oldest events.
+
+        Returns whether the database has room for more than `LEAST` events.
 
         Args:
             changes: What changed.
@@ -309,7 +276,7 @@ class Database:
             self._write_faults(changes.faults)
             written = self._write_events(changes.events)
             # So that they go faster than they come.
-            self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
+            return self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
@@ -345,18 +312,27 @@ class Database:
             (_event_row(number, event) for number, event in events),
         ).rowcount
 
-    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> None:
-        """Delete up to ``count`` of the oldest events, where they are too old or too many."""
-        [[pages], [free], [size]] = (
-            self._ask(f"PRAGMA {name}") for name in ("page_count", "freelist_count", "page_size")
-        )
-        if (pages - free) * size > most:
-            self._connection.execute(
-                "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
-                (count,),
-            )
-        elif last := self._last_old(count, *ages):
+    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> bool:
+        """Delete up to ``count`` of the oldest events, where they are too old or too many.
+
+        Returns whether that is enough.
+        """
+        if last := self._last_old(count, *ages):
             self._connection.execute("DELETE FROM events WHERE id <= ?", (last,))
+        if self._used() <= most:
+            return True
+        deleted = self._connection.execute(
+            "DELETE FROM events WHERE id IN (SELECT id FROM events"
+            " WHERE id <= (SELECT max(id) FROM events) - ? ORDER BY id LIMIT ?)",
+            (LEAST, count),
+        ).rowcount
+        return deleted == count or self._used() <= most
+
+    def _used(self) -> int:
+        """Bytes of the pages that are in use."""
+        names = "page_count", "freelist_count", "page_size"
+        [[pages], [free], [size]] = (self._ask(f"PRAGMA {name}") for name in names)
+        return int((pages - free) * size)
 
     def _last_old(self, count: int, oldest: float, newest: float) -> int:
         """The last of the events at the beginning that are too old; 0: none is."""

@@ -25,20 +25,19 @@ from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.storage.database import (
-    AgeClock,
     Changes,
     DamagedError,
     Database,
     ForeignError,
     InUseError,
     Lock,
-    Retention,
     find_events,
     first_event,
     is_damage,
     rename_database,
 )
 from ros_diagnostics_exporter.storage.earlier import Found, decoded, event_fault, salvage
+from ros_diagnostics_exporter.storage.retention import LEAST, AgeClock, Retention
 from ros_diagnostics_exporter.storage.schema import FaultOf
 
 if TYPE_CHECKING:  # these import the types below
@@ -66,6 +65,7 @@ class Storage:
     """Reads the database at the start and writes it from then on.
 
     ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
+    ``is_crowded``: what is kept of robots leaves no room for events, of which the newest are kept.
 
     Args:
         path: The database; its folder is made if the one above it is there.
@@ -80,6 +80,7 @@ class Storage:
         self._database: Database | None = None
         self._successful = True
         self.written_at = 0.0
+        self.is_crowded = False
         self._blocked = False  # by a file that could not be read, and so is not overwritten
         self._tried_at = self._logged_at = self._seen_at = float("-inf")
         self._writing_since: float | None = None
@@ -279,13 +280,25 @@ class Storage:
             return
         retention = self._retention
         oldest = self._age.time(now) - retention.seconds
-        database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
+        has_room = database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
+        self._note_room(has_room=has_room)
         self._keys, self._everything, self._changed_rows = keys, False, {}
         if is_due:
             self._seen, self._seen_at = seen, now.wall
         self._note_events(new, now)
         self._successful, self.written_at = True, now.wall
         self._found = None
+
+    def _note_room(self, *, has_room: bool) -> None:
+        if not has_room and not self.is_crowded:
+            log.error("database %s: %s", self._path, self.crowded_reason)
+        self.is_crowded = not has_room
+
+    @property
+    def crowded_reason(self) -> str:
+        """What is wrong where ``is_crowded``."""
+        limit = f"--storage.retention.size ({self._retention.size:,} bytes)"
+        return f"what is kept of robots needs {limit}: only the newest {LEAST:,} events are kept"
 
     def _note_events(self, written: list[Numbered], now: Instant) -> None:
         if not written:
