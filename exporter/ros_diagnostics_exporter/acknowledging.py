@@ -167,9 +167,7 @@ def acknowledge(
     known = [
         each
         for each in problems(alertmanager.alerts(fleet))
-        if identity_of(each.labels) == identity_of(texts)
-        and each.since
-        and abs(moment(each.since) - fault.since) <= 1.0
+        if identity_of(each.labels) == identity_of(texts) and _is_since(each.since, fault.since)
     ]
     if not known:
         raise LookupError("no alert of it fires: there is nothing to acknowledge yet")
@@ -180,6 +178,14 @@ def acknowledge(
     alertmanager.add(silence(known[0], *_words(person), begin))
     of = as_texts(fault.identity, fault.labels)
     return _action(now, "acknowledged", "", person, **of, since=fault.since)
+
+
+def _is_since(text: str, since: float) -> bool:
+    """Whether an alert's annotation is of that time; anybody may have posted another text."""
+    try:
+        return abs(moment(text) - since) <= SAME
+    except ValueError:
+        return False
 
 
 def plan_downtime(
