@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 ESCALATION = "RosDiagnosticsUnacknowledged"
 # A label that no alert has: the matcher `downtime=""` is always true, and marks a downtime.
 DOWNTIME = "downtime"
+# The label `of` of an escalation names an alert, and none has this name: it matches no escalation.
+FORGOTTEN = "forgotten"
 # What identifies a fault; `since` distinguishes it from the next one of the same part.
 IDENTITY = (
     *("fleet", "scope", "state", "severity", "site"),
@@ -72,6 +74,43 @@ class Acknowledgement(NamedTuple):
     def is_of(self, since: float) -> bool:
         """Whether it is of the fault that began then, not of an earlier or later one."""
         return abs(self.since - since) <= SAME
+
+
+class Forgotten(NamedTuple):
+    """A person had an exporter forget a robot, or a component of it, at a Unix time."""
+
+    robot: str
+    component: str  # "": all of the robot
+    at: float
+
+
+def read_forgotten(silences: Any, fleet: str) -> list[Forgotten]:
+    """What was forgotten of a fleet, by Alertmanager's silences; others are skipped, as by `read`.
+
+    Raises:
+        ValueError: The response is no list of silences.
+    """
+    listed = _listed(silences, "silences")
+    return [each for silence in listed if (each := _forgotten(silence, fleet)) is not None][:MOST]
+
+
+def forgotten_matchers(fleet: str, robot: str, component: str, at: str) -> dict[str, str]:
+    """What the silence of something forgotten matches, label -> value; ``at`` is a moment."""
+    part = {"component": component} if component else {}
+    marks = {"alertname": ESCALATION, "of": FORGOTTEN, "since": at}
+    return {**marks, "fleet": fleet, "robot": robot, **part}
+
+
+def _forgotten(silence: Any, fleet: str) -> Forgotten | None:
+    try:
+        named = _matched(silence["matchers"]) or {}
+        robot, component, since = named["robot"], named.get("component", ""), named["since"]
+        is_active = silence["status"]["state"] == "active"
+        if not is_active or named != forgotten_matchers(fleet, robot, component, since):
+            return None
+        return Forgotten(robot, component, moment(since))
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None  # no silence as exporters make them
 
 
 def read_downtimes(silences: Any, fleet: str) -> list[Downtime]:
@@ -239,6 +278,7 @@ class Alertmanager:
         self._acknowledgements: list[Acknowledgement] = []
         # Those that are planned, present and future ones; None before the first answer.
         self.downtimes: list[Downtime] | None = None
+        self.forgotten: list[Forgotten] = []
         self._answered_at = float("-inf")
         self._answers: bool | None = None  # None: has not been asked
 
@@ -313,7 +353,7 @@ class Alertmanager:
             return
         if not self._answers:
             log.info("acknowledgements and downtimes are read from Alertmanager at %s", url)
-        self._acknowledgements, self.downtimes = answer
+        self._acknowledgements, self.downtimes, self.forgotten = answer
         self._answers, self._answered_at = True, now.mono
 
     def _first(self, ask: Callable[[Client], _Answer]) -> tuple[str, _Answer]:
@@ -335,10 +375,12 @@ class Alertmanager:
         raise UnreachableError("; ".join(whys))
 
 
-def _ask(client: Client, fleet: str, size: int) -> tuple[list[Acknowledgement], list[Downtime]]:
-    """The acknowledgements and the downtimes."""
+def _ask(
+    client: Client, fleet: str, size: int
+) -> tuple[list[Acknowledgement], list[Downtime], list[Forgotten]]:
+    """The acknowledgements, the downtimes, and what people had forgotten."""
     silences = _silences(client, fleet, size)
-    return read(silences, fleet), read_downtimes(silences, fleet)
+    return read(silences, fleet), read_downtimes(silences, fleet), read_forgotten(silences, fleet)
 
 
 def _silences(client: Client, fleet: str, size: int) -> list[Any]:

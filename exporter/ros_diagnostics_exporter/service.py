@@ -29,6 +29,7 @@ from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.faults.model import Fault, fault_id, fault_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
@@ -93,6 +94,7 @@ class Service:
             config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
         )
         self._alertmanager = alertmanager
+        self._forgetting = Forgetting(self.state, alertmanager)
         self._asked = threading.Event()  # Alertmanager, once
         self._configured = threading.Event()  # anew; its domains are not joined yet
         self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
@@ -177,6 +179,7 @@ class Service:
             alertmanager.update(self.state.fleet.name, read_clocks())
             if alertmanager.downtimes is not None:
                 self.state.plan(alertmanager.downtimes, read_clocks())
+            self._forgetting.follow(read_clocks())
             self._adopt(alertmanager)
         finally:
             self._asked.set()
@@ -221,8 +224,8 @@ class Service:
         except UnreachableError as error:
             log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
             return
-        fleet = self.state.fleet
-        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), read_clocks())
+        faults = read_firing(firing, self.state.fleet.name, self.state.fleet.exporter)
+        self.state.adopt(self._forgetting.without_forgotten(faults), read_clocks())
 
     def join(self) -> None:
         """Have all sources follow the config; a domain that cannot be joined is tried again.
@@ -481,9 +484,9 @@ class Service:
         """Why the robots' messages are not subscribed to; None when they are."""
         return self._listener.not_ready_reason(self.state.fleet.domain_ids)
 
-    def forget(self, robot: str, component: str | None) -> int:
-        """Remove a robot or a component; LookupError if there is none of that name."""
-        return self.state.forget(robot, component, read_clocks())
+    def forget(self, robot: str, component: str | None) -> tuple[int, bool]:
+        """Remove a robot or a component, as Backend says."""
+        return self._forgetting.forget(robot, component, read_clocks())
 
     def accept_graph(self, robot: str) -> int:
         """Take what the ROS graph shows of a robot as expected; LookupError if that is nothing."""
