@@ -247,22 +247,20 @@ class Capsules:
         """What was received until now; None of a robot of which nothing was."""
         event, settings = waiting.event, waiting.settings
         begin, end = _ns(event.time - settings.before), _ns(event.time + settings.after)
-        channels: dict[int, Channel] = {}
-        chunks: list[Chunk] = []
+        recorded: list[tuple[Channel, list[Chunk]]] = []
         for topic in waiting.topics:
-            ring = self.rings.get(Stream(topic))
-            if ring is not None:
-                channels[ring.channel] = Channel(topic.name, Stream(topic).kind)
-                chunks += ring.chunks(begin, end, _ns(settings.before))
-        if chunks:  # of a robot that is silent what it said last
-            begin = min(begin, max(each.end for each in chunks) - _ns(settings.before))
+            if (ring := self.rings.get(Stream(topic))) is not None:
+                chunks = ring.chunks(begin, end, _ns(settings.before))
+                recorded.append((Channel(topic.name, Stream(topic).kind), chunks))
+        last = max((chunk.end for _channel, chunks in recorded for chunk in chunks), default=None)
+        if last is not None:  # of a robot that is silent what it said last
+            begin = min(begin, last - _ns(settings.before))
         for (topic, kind, _robot), ring in self.rings.beside(event.robot).items():
-            if found := ring.chunks(begin, end):
-                channels[ring.channel] = Channel(topic.name, kind)
-                chunks += found
-        if not chunks:
+            recorded.append((Channel(topic.name, kind), ring.chunks(begin, end)))
+        recorded = [(channel, chunks) for channel, chunks in recorded if chunks]
+        if not recorded:
             return None
-        return write(channels, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
+        return write(recorded, _metadata(waiting), self._attached(waiting), _ns(now.wall))
 
     def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
         described = {
