@@ -10,17 +10,12 @@ import logging
 from collections.abc import Iterable
 from datetime import datetime, timedelta, timezone
 
-from ros_diagnostics_exporter.alertmanager import (
-    Alertmanager,
-    Forgotten,
-    forgotten_matchers,
-    moment,
-    silence,
-)
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.faults.model import Fault, Identity
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.silences import Forgotten, forgotten_matchers, moment, silence
 
 LASTS = timedelta(days=1)  # for an exporter that is down meanwhile
 AUTHOR = "ros-diagnostics forget"
@@ -52,7 +47,7 @@ class Forgetting:
             return False
         begin = datetime.fromtimestamp(now.wall, timezone.utc)
         text = begin.isoformat(timespec="microseconds")
-        self._known.add(Forgotten(robot, component, moment(text)))
+        self._known.add(Forgotten(robot, component, moment(text) or now.wall))
         matchers = forgotten_matchers(self._state.fleet.name, robot, component, text)
         try:
             self._alertmanager.add(silence(matchers, begin, begin + LASTS, AUTHOR, COMMENT))

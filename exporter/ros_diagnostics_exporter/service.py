@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
+from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMet
 from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.self_check import SelfCheck
+from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
@@ -401,14 +402,13 @@ class Service:
     ) -> dict[str, Any]:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
-        now = read_clocks()
-        fleet = self.state.fleet.name
+        fleet, now = self.state.fleet.name, read_clocks()
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
         found = ledger.account(
             self._find, known, component, now.wall if at is None else at, now.wall
         )
-        asked = explained(self._alertmanager, fleet, robot, component) if ask else []
-        return {"fleet": fleet, **found, "now": [*found["now"], *asked]}
+        answer = explained(self._alertmanager, fleet, robot, component) if ask else []
+        return {"fleet": fleet, **found, "now": [*found["now"], *answer]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""

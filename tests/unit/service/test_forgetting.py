@@ -7,16 +7,11 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.alertmanager import (
-    Forgotten,
-    forgotten_matchers,
-    read,
-    read_downtimes,
-    read_forgotten,
-)
 from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.silences import Forgotten, forgotten_matchers
+from support.as_listed import read, read_downtimes, read_forgotten
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
 HOT, LASER = Status(ERROR, "Motor", "Hot"), Status(ERROR, "Laser", "Dirty")
