@@ -37,6 +37,15 @@ ROBOT = {
     "counted": False,
     "history": None,
 }
+# What the last exporters of version 3 wrote in addition.
+MORE = {
+    "component": {
+        "settings": {**JUDGED, "behind": []},
+        "flaps": {**SLOTS, "changed": [WALL + 1]},
+        "explained_until": None,
+    },
+    "problem": {"fault": {**FAULT, "work": "", "details": {"level": "ERROR"}}},
+}
 IDENTITY = ["component", "critical", "", "r", "", "Motor", "", "", "", ""]
 FAULTS = [
     ("fleet", [], {"grace_until": WALL + 30, "settled_at": WALL + 40}),
@@ -97,8 +106,9 @@ def write(path, version: int) -> None:
         connection.execute("CREATE INDEX events_of_robot ON events (robot)")
         connection.execute("INSERT INTO robots VALUES ('r', ?)", (json.dumps(robot),))
         connection.execute("INSERT INTO seen VALUES ('r', ?), ('', ?)", (WALL + 19, WALL + 19))
-        for kind, *texts in FAULTS:
-            row = (kind, *map(json.dumps, texts))
+        for kind, key, fields in FAULTS:
+            more = MORE.get(kind, {}) if version == 3 else {}
+            row = (kind, json.dumps(key), json.dumps(fields | more))
             connection.execute("INSERT INTO faults VALUES (?, ?, ?)", row)
         for number, event in enumerate(EVENTS, 1):
             columns = [event.get(name, "") for name in ("time", "kind", "robot", "component")]
