@@ -16,25 +16,26 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
 from typing import Any
 
-from ros_diagnostics_exporter import alertmanager
-from ros_diagnostics_exporter.alertmanager import (
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.model import Fault, as_texts
+from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.severity import clock
+from ros_diagnostics_exporter.silences import (
     AUTHOR_LENGTH,
     COMMENT_LENGTH,
     ESCALATION,
     IDENTITY,
     SAME,
-    Alertmanager,
+    Alert,
+    Silence,
     clean,
     downtime_matchers,
     downtime_of,
     identity_of,
     moment,
 )
-from ros_diagnostics_exporter.alertmanager import silence as plain_silence
-from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, as_texts
-from ros_diagnostics_exporter.model import Person
-from ros_diagnostics_exporter.severity import clock
+from ros_diagnostics_exporter.silences import silence as plain_silence
 from ros_diagnostics_exporter.texts import one_line
 
 DAY = 86_400.0
@@ -98,7 +99,7 @@ class Acknowledgeable:
         return one_line(f"{self.labels.get('fleet', '')}/{self.part}".removesuffix("/"))
 
 
-def problems(alerts: Iterable[dict[str, Any]]) -> list[Acknowledgeable]:
+def problems(alerts: Iterable[Alert]) -> list[Acknowledgeable]:
     """What can be acknowledged, each once however many alerts there are for it, by name.
 
     A fault is what its own alert says; of other alerts their escalation counts as well, which may
@@ -106,9 +107,9 @@ def problems(alerts: Iterable[dict[str, Any]]) -> list[Acknowledgeable]:
     """
     found: dict[frozenset[tuple[str, str]], Acknowledgeable] = {}
     for alert in alerts:
-        labels = alert["labels"]
+        labels = alert.labels
         is_fault = {"scope", "state"} <= labels.keys()
-        problem = Acknowledgeable(labels, alert["annotations"].get("since", "") if is_fault else "")
+        problem = Acknowledgeable(labels, alert.annotations.get("since", "") if is_fault else "")
         others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
         if problem.since or (others and labels.get("severity") != "info"):
             known = found.setdefault(key := frozenset(problem.matchers.items()), problem)
@@ -116,11 +117,10 @@ def problems(alerts: Iterable[dict[str, Any]]) -> list[Acknowledgeable]:
     return sorted(found.values(), key=lambda each: (each.name, each.state))
 
 
-def _sent_steps(alert: dict[str, Any]) -> frozenset[str]:
+def _sent_steps(alert: Alert) -> frozenset[str]:
     """The step of an escalation that was sent; a reminder (0) has no end that would be."""
-    labels = alert["labels"]
-    step = labels.get("step", "0")
-    is_sent = labels.get("alertname") == ESCALATION and alert["status"]["state"] == "active"
+    step = alert.labels.get("step", "0")
+    is_sent = alert.labels.get("alertname") == ESCALATION and alert.status.state == "active"
     return frozenset({step} - {"0"}) if is_sent else frozenset()
 
 
@@ -130,7 +130,7 @@ def silence(
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
     lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
     end = start + timedelta(seconds=lasts)
-    made = alertmanager.silence(problem.matchers, start, end, author, comment)
+    made = plain_silence(problem.matchers, start, end, author, comment)
     if problem.sent:
         steps = "|".join(sorted(map(re.escape, problem.sent)))
         of_steps = {"name": "step", "value": steps, "isRegex": True, "isEqual": False}
@@ -138,18 +138,10 @@ def silence(
     return made
 
 
-def acknowledged(
-    problem: Acknowledgeable, silences: Iterable[dict[str, Any]]
-) -> dict[str, Any] | None:
+def acknowledged(problem: Acknowledgeable, silences: Iterable[Silence]) -> Silence | None:
     """The active silence that acknowledges ``problem``; None without one."""
-    wanted = {(name, value, False, True) for name, value in problem.matchers.items()}
     for each in silences:
-        if each["status"]["state"] != "active":
-            continue
-        matchers = alertmanager.without_sent_steps(each["matchers"])
-        if wanted == {
-            (m["name"], m["value"], m["isRegex"], m.get("isEqual", True)) for m in matchers
-        }:
+        if each.status.state == "active" and each.exact(but_steps=True) == problem.matchers:
             return each
     return None
 
@@ -168,14 +160,14 @@ def acknowledge(
         each
         for each in problems(alertmanager.alerts(fleet))
         if identity_of(each.labels) == identity_of(texts)
-        and each.since
-        and abs(moment(each.since) - fault.since) <= 1.0
+        and (since := moment(each.since)) is not None  # anybody may have posted another text
+        and abs(since - fault.since) <= SAME
     ]
     if not known:
         raise LookupError("no alert of it fires: there is nothing to acknowledge yet")
     before = acknowledged(known[0], alertmanager.silences(fleet))
     if before is not None:
-        raise LookupError(f"it is already acknowledged by {clean(before['createdBy'], 64)}")
+        raise LookupError(f"it is already acknowledged by {before.author}")
     begin = datetime.fromtimestamp(now, timezone.utc)
     alertmanager.add(silence(known[0], *_words(person), begin))
     of = as_texts(fault.identity, fault.labels)
@@ -219,7 +211,7 @@ def cancel_downtime(
     """
     robot, component, until = of
     known = [
-        each["id"]
+        each.id
         for each in alertmanager.silences(fleet)
         if (planned := downtime_of(each, fleet)) is not None
         and planned[:2] == (robot, component)

@@ -41,9 +41,9 @@ class Event:
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in
     `ros_diagnostics_fault_start_timestamp_seconds`, and ``since`` is that sample's value: all
-    events of a fault have the same ones. ``message`` is its evidence, or what was received when it
-    ended. ``reason`` says how it ended: ``recovered`` (a fresh lower level) or ``removed`` (by a
-    person or the config).
+    events of a fault have the same ones. ``fault`` is its id, which the service adds. ``message``
+    is its evidence, or what was received when it ended. ``reason`` says how it ended: ``recovered``
+    (a fresh lower level) or ``removed`` (by a person or the config).
 
     ``details`` is its evidence as fields, of one that began.
 
@@ -72,6 +72,7 @@ class Event:
     step: str = ""
     author: str = ""
     details: Any = None  # a mapping to JSON values
+    fault: str = ""
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class Wanted:
     robot: str | None = None
     component: str | None = None
     level: str | None = None  # after the change
+    fault: str | None = None  # its id
     since: float | None = None
     until: float | None = None
     before: int | None = None  # the id of an event: only older ones
@@ -94,6 +96,7 @@ class Wanted:
             (self.robot, event.robot),
             (self.component, event.component),
             (self.level, event.after),
+            (self.fault, event.fault),
         )
         return (
             all(want is None or want == have for want, have in pairs)

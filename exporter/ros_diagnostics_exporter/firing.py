@@ -8,49 +8,36 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
 
-from ros_diagnostics_exporter.alertmanager import IDENTITY, NAME_LENGTH, clean, moment
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, severity_of
+from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment
 
 EVIDENCE_LENGTH = 512
-MOST_LABELS = 100
 # The others are the robot's own.
 _OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}
 
 
-def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:
+def read(alerts: Iterable[Alert], fleet: str, exporter: str) -> list[Fault]:
     """The faults of a fleet that fire; of what is of no robot, those of this exporter's name."""
     found = (_one(alert, fleet, exporter) for alert in alerts)
     return [fault for fault in found if fault is not None]
 
 
-def _one(alert: Any, fleet: str, exporter: str) -> Fault | None:
+def _one(alert: Alert, fleet: str, exporter: str) -> Fault | None:
+    labels, notes = alert.labels, alert.annotations
     try:
-        labels, notes = _texts(alert["labels"]), _texts(alert["annotations"])
-        identity = _identity(labels)
-        of_robot = bool(identity.robot)
-        is_ours = of_robot or labels.get("exporter", "") == exporter
-        is_wrong = severity_of(identity) != labels["severity"] or notes.get("end")
-        if labels["fleet"] != fleet or not is_ours or is_wrong:
-            return None
-        since, confirmed = moment(notes["since"]), moment(alert["startsAt"])
-        own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
-        lines = (clean(each, EVIDENCE_LENGTH) for each in notes.get("evidence", "").split("\n"))
-        known = "\n".join(lines)[:EVIDENCE_LENGTH], clean(notes.get("work", ""), EVIDENCE_LENGTH)
-        labels_of_robot = MappingProxyType(own if of_robot else {})
-        return Fault(identity, since, confirmed, labels_of_robot, *known)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        identity, since = _identity(labels), moment(notes["since"])
+    except (KeyError, ValueError):
         return None  # no alert as the rules make them
-
-
-def _texts(found: Mapping[str, Any]) -> dict[str, str]:
-    if len(found) > MOST_LABELS:
-        raise ValueError("it has too many")
-    texts = {str(name): str(text)[: 4 * NAME_LENGTH] for name, text in found.items()}
-    for text in texts.values():
-        text.encode()  # lone surrogates raise an error
-    return texts
+    is_ours = bool(identity.robot) or labels.get("exporter", "") == exporter
+    is_wrong = severity_of(identity) != labels["severity"] or notes.get("end")
+    if labels.get("fleet") != fleet or not is_ours or is_wrong or since is None:
+        return None
+    own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
+    lines = (clean(each, EVIDENCE_LENGTH) for each in notes.get("evidence", "").split("\n"))
+    known = "\n".join(lines)[:EVIDENCE_LENGTH], clean(notes.get("work", ""), EVIDENCE_LENGTH)
+    labels_of_robot = MappingProxyType(own if identity.robot else {})
+    return Fault(identity, since, alert.starts_at, labels_of_robot, *known)
 
 
 def _identity(labels: Mapping[str, str]) -> Identity:

@@ -16,16 +16,16 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from ros_diagnostics_exporter.alertmanager import (
+from ros_diagnostics_exporter.config.errors import first_error
+from ros_diagnostics_exporter.events import Event, Numbered, Wanted
+from ros_diagnostics_exporter.faults.model import Fault, as_texts
+from ros_diagnostics_exporter.silences import (
     AUTHOR_LENGTH,
     IDENTITY,
     NAME_LENGTH,
     Acknowledgement,
     clean,
 )
-from ros_diagnostics_exporter.config.errors import first_error
-from ros_diagnostics_exporter.events import Event, Numbered, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, as_texts
 from ros_diagnostics_exporter.texts import encodable
 
 MAX_ALERTS = 1_000  # of a message

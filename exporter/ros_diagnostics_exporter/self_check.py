@@ -51,8 +51,10 @@ class SelfCheck:
         yield _warning("fleet.yml", why, is_wrong=not reloader.successful)
         if storage is not None:
             why = "it cannot be written: a restart would lose what changes; the log says why"
+            why = why if not storage.successful else storage.crowded_reason
             is_known = not storage.successful or storage.written_at >= self._started.wall
-            yield _warning("database", why, is_wrong=not storage.successful, is_known=is_known)
+            is_wrong = storage.is_crowded or not storage.successful
+            yield _warning("database", why, is_wrong=is_wrong, is_known=is_known)
 
     def _servers(self, now: Instant) -> Iterator[OwnReport]:
         alertmanager, outcomes = self._exporter.alertmanager, self._exporter.outcomes()

@@ -9,26 +9,27 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
+from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
+from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, fault_id
+from ros_diagnostics_exporter.faults.model import Fault, fault_id, fault_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
@@ -36,6 +37,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMet
 from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.self_check import SelfCheck
+from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
@@ -50,7 +52,7 @@ class Service:
 
     Raises:
         InUseError: another exporter has the database of ``storage`` open.
-        VersionError: the database is of another version.
+        ForeignError: the database is of another program.
     """
 
     CHECK = 1.0  # seconds between two judgements of the exporter itself
@@ -93,6 +95,7 @@ class Service:
             config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
         )
         self._alertmanager = alertmanager
+        self._forgetting = Forgetting(self.state, alertmanager)
         self._asked = threading.Event()  # Alertmanager, once
         self._configured = threading.Event()  # anew; its domains are not joined yet
         self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
@@ -177,6 +180,7 @@ class Service:
             alertmanager.update(self.state.fleet.name, read_clocks())
             if alertmanager.downtimes is not None:
                 self.state.plan(alertmanager.downtimes, read_clocks())
+            self._forgetting.follow(read_clocks())
             self._adopt(alertmanager)
         finally:
             self._asked.set()
@@ -221,8 +225,8 @@ class Service:
         except UnreachableError as error:
             log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
             return
-        fleet = self.state.fleet
-        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), read_clocks())
+        faults = read_firing(firing, self.state.fleet.name, self.state.fleet.exporter)
+        self.state.adopt(self._forgetting.without_forgotten(faults), read_clocks())
 
     def join(self) -> None:
         """Have all sources follow the config; a domain that cannot be joined is tried again.
@@ -263,13 +267,19 @@ class Service:
             self._record(*self.state.take_events())
 
     def _record(self, *events: Event) -> None:
-        for event in events:
+        for event in map(self._with_fault, events):
             self.events.record(event)
             self._notifications.note(event)
             if self._capsules is not None and event.kind == "fault_began" and event.robot:
-                fault = fault_of(self.state.fleet, asdict(event))
-                self._capsules.note(fault, event, read_clocks())
+                self._capsules.note(event.fault, event, read_clocks())
                 self._capsules_loop.wake()
+
+    def _with_fault(self, event: Event) -> Event:
+        """An event with the id of the fault that it is of."""
+        if event.since is None:
+            return event
+        fleet = self.state.fleet
+        return replace(event, fault=fault_of(fleet.name, fleet.exporter, asdict(event)))
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -380,12 +390,11 @@ class Service:
     def fault_history(self, fault: str) -> dict[str, Any]:
         """Each time that a fault lasted as /api/v1/faults/ID returns it."""
         self._record_events()
-        fleet, now = self.state.fleet, read_clocks()
         return {
             "fault": fault,
-            "time": now.wall,
+            "time": read_clocks().wall,
             "events_since": self._events_since(),
-            "occurrences": history(self._find, lambda event: fault_of(fleet, event) == fault),
+            "occurrences": history(self._find, fault),
         }
 
     def why(
@@ -393,14 +402,13 @@ class Service:
     ) -> dict[str, Any]:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
-        now = read_clocks()
-        fleet = self.state.fleet.name
+        fleet, now = self.state.fleet.name, read_clocks()
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
         found = ledger.account(
             self._find, known, component, now.wall if at is None else at, now.wall
         )
-        asked = explained(self._alertmanager, fleet, robot, component) if ask else []
-        return {"fleet": fleet, **found, "now": [*found["now"], *asked]}
+        answer = explained(self._alertmanager, fleet, robot, component) if ask else []
+        return {"fleet": fleet, **found, "now": [*found["now"], *answer]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
@@ -476,9 +484,9 @@ class Service:
         """Why the robots' messages are not subscribed to; None when they are."""
         return self._listener.not_ready_reason(self.state.fleet.domain_ids)
 
-    def forget(self, robot: str, component: str | None) -> int:
-        """Remove a robot or a component; LookupError if there is none of that name."""
-        return self.state.forget(robot, component, read_clocks())
+    def forget(self, robot: str, component: str | None) -> tuple[int, bool]:
+        """Remove a robot or a component, as Backend says."""
+        return self._forgetting.forget(robot, component, read_clocks())
 
     def accept_graph(self, robot: str) -> int:
         """Take what the ROS graph shows of a robot as expected; LookupError if that is nothing."""

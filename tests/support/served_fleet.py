@@ -14,7 +14,7 @@ from http.server import BaseHTTPRequestHandler
 from types import SimpleNamespace
 from urllib.parse import urlsplit
 
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.web.scrape import wanted_parts
 from support.loopback import answering
 

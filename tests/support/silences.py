@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from ros_diagnostics_exporter.acknowledging import problems, silence
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
+from ros_diagnostics_exporter.acknowledging import Acknowledgeable, silence
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
 
 SINCE = "2026-01-01 10:00:00.123 +0000 UTC"
 BEGAN = 1767261600.123
@@ -35,8 +35,7 @@ FAULT = Fault(
 def listed(*, since: str = SINCE, labels: dict[str, str] | None = None, **changes):
     """A silence that the command made, as Alertmanager lists it; empty labels are left out."""
     named = {name: text for name, text in (LABELS | (labels or {})).items() if text}
-    alert = {"labels": {"alertname": "Any", **named}, "annotations": {"since": since}}
-    [problem] = problems([alert])
+    problem = Acknowledgeable({"alertname": "Any", **named}, since)
     made = silence(problem, "ann", "spare part ordered", MADE, 30 * 86_400.0)
     made |= {
         "id": "0",

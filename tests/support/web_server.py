@@ -206,7 +206,7 @@ class FakeBackend:
     acknowledge: Callable[..., None] = lambda *_given: None
     plan_downtime: Callable[..., None] = lambda *_given: None
     cancel_downtime: Callable[..., None] = lambda *_given: None
-    forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
+    forget: Callable[[str, str | None], tuple[int, bool]] = lambda _robot, _component: (1, True)
     accept_graph: Callable[[str], int] = lambda _robot: 1
 
 

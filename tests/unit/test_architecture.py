@@ -30,7 +30,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "extras", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
-        ("event_texts",),
+        ("event_texts", "silences"),
         ("config",),
         ("decode",),
         ("sources",),
@@ -42,7 +42,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("fleet",),
         ("capsules", "storage"),
         ("metrics",),
-        ("self_check",),
+        ("forgetting", "self_check"),
         ("api",),
         ("web",),
         ("service",),

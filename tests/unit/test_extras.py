@@ -5,19 +5,16 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
-from contextlib import closing
 
 import pytest
-from mcap.writer import CompressionType, Writer
 
 from ros_diagnostics_exporter.extras import EXTRAS, install_command
-from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError
+from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.main import main
 from support.bags import every_second, write_ros1
 from testbed.configuration import CHECKOUT
 from virtual_robots import cli
-from virtual_robots.recording.cdr import encode_array
 
 
 def extras(project):
@@ -53,24 +50,4 @@ def test_bags_of_ros_1_name_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
     with pytest.raises(RecordingError) as raised:
         Recordings([RecordingSource(bag)])
-    assert str(raised.value).endswith(f"): {install_command('backtest')}")
-
-
-def test_chunks_compressed_with_lz4_are_read_or_name_it(tmp_path, monkeypatch):
-    bag = tmp_path / "bag.mcap"
-    with bag.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.LZ4)
-        writer.start()
-        schema = writer.register_schema(TYPE, "ros2msg", b"")
-        channel = writer.register_channel("/r/diagnostics", "cdr", schema)
-        writer.add_message(channel, 10**18, encode_array([], 1e9), 10**18)
-        writer.finish()
-    with closing(Recordings([RecordingSource(bag)])) as recordings:
-        assert [each.at for each in recordings.messages()] == [1e9]
-    monkeypatch.setitem(sys.modules, "lz4.frame", None)
-    with (
-        closing(Recordings([RecordingSource(bag)])) as recordings,
-        pytest.raises(RecordingError) as raised,
-    ):
-        list(recordings.messages())
     assert str(raised.value).endswith(f"): {install_command('backtest')}")

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.api.capabilities import fleet_capabilities
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
@@ -28,6 +27,7 @@ from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import maintenance_until
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.severity import component_state
+from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 
 # job -> the port of a robot with an address; None where the query has to name it

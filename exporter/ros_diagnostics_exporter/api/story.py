@@ -10,8 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -35,33 +33,12 @@ def labels_of(event: dict[str, Any]) -> dict[str, str]:
     return {name: event.get(name, "") for name in LABELS}
 
 
-def fault_of(fleet: Fleet, event: dict[str, Any]) -> str:
-    """The id of an event's fault; "" for one of a scope or state that another version had."""
-    try:
-        identity = identity_of(labels_of(event))
-    except ValueError:
-        return ""
-    return fault_id(fleet.name, fleet.exporter, identity)
+def history(find: Callable[..., list[dict[str, Any]]], fault: str) -> list[dict[str, Any]]:
+    """Each time that one fault, by its id, lasted, as `occurrences`.
 
-
-def history(
-    find: Callable[..., list[dict[str, Any]]], is_of: Callable[[dict[str, Any]], bool]
-) -> list[dict[str, Any]]:
-    """Each time that one fault lasted, as `occurrences`.
-
-    Args:
-        find: The events that match, newest first; its arguments are those of `Wanted`.
-        is_of: Whether an event is of the fault.
+    ``find`` returns the events that match, newest first; its arguments are those of `Wanted`.
     """
-
-    def search(kind: str, **wanted: Any) -> list[dict[str, Any]]:
-        return [each for each in find(kind=kind, limit=SEARCHED, **wanted) if is_of(each)]
-
-    found = search("fault_ended") + search("fault_began")
-    if found:
-        of = {"robot": found[0].get("robot", ""), "since": min(each["since"] for each in found)}
-        found += search("notified", **of) + search("acknowledged", **of)
-    return occurrences(found)
+    return occurrences(find(fault=fault, limit=SEARCHED))
 
 
 def occurrences(

@@ -145,23 +145,25 @@ class Capsules:
         self.rings.follow(topics, robots | {each.event.robot for each in waiting})
 
     def turn(self, now: Instant) -> None:
-        """Compress what was received, and write the capsules that are complete."""
+        """Compress what was received, and write the capsules that are complete.
+
+        Raises:
+            OSError: at least one could not be written; all others are.
+        """
         self.rings.compress()
-        written = False
-        for each in [each for each in list(self._waiting) if each.due <= now.mono]:
-            try:
-                self._write(each, now)
-            finally:
-                self._waiting.remove(each)  # one that cannot be written is not tried again
-                self._so_far.pop(each.fault, None)
-            written = True
+        due = [each for each in list(self._waiting) if each.due <= now.mono]
+        errors = [error for each in due if (error := self._finish(each, now)) is not None]
         for each in list(self._waiting):
             if each.fault not in self._so_far and (content := self._content(each, now)):
                 self._so_far[each.fault] = content
-        if written:
+        if self._newest is None:  # the first time
+            self._remove_unfinished()
+        if due:
             self._prune(now)
-        if written or self._newest is None:
+        if due or self._newest is None:
             self._newest = self._find()
+        if errors:
+            raise errors[0]
 
     def read(self, fault: str, now: Instant) -> bytes:
         """The newest capsule of a fault.
@@ -202,6 +204,22 @@ class Capsules:
 
     # -- files ---------------------------------------------------------------------------------
 
+    def _finish(self, waiting: Waiting, now: Instant) -> OSError | None:
+        """Write one that is complete; the error if it cannot be, which is not tried again."""
+        try:
+            self._write(waiting, now)
+        except OSError as error:
+            return error
+        finally:
+            self._waiting.remove(waiting)
+            self._so_far.pop(waiting.fault, None)
+        return None
+
+    def _remove_unfinished(self) -> None:
+        """Remove what an exporter that was killed has left."""
+        for path in self._folder.glob("*.part"):
+            path.unlink(missing_ok=True)
+
     def _find(self) -> dict[str, float]:
         """When the fault of the newest capsule began, by id."""
         found: dict[str, float] = {}
@@ -218,29 +236,31 @@ class Capsules:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         path = self._folder / f"{waiting.fault}-{waiting.event.time:.0f}.mcap"
         unfinished = path.with_suffix(".part")
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+        try:
+            unfinished.write_bytes(content)
+            unfinished.replace(path)
+        except OSError:  # the disk is full, for example
+            unfinished.unlink(missing_ok=True)
+            raise
 
     def _content(self, waiting: Waiting, now: Instant) -> bytes | None:
         """What was received until now; None of a robot of which nothing was."""
         event, settings = waiting.event, waiting.settings
         begin, end = _ns(event.time - settings.before), _ns(event.time + settings.after)
-        channels: dict[int, Channel] = {}
-        chunks: list[Chunk] = []
+        recorded: list[tuple[Channel, list[Chunk]]] = []
         for topic in waiting.topics:
-            ring = self.rings.get(Stream(topic))
-            if ring is not None:
-                channels[ring.channel] = Channel(topic.name, Stream(topic).kind)
-                chunks += ring.chunks(begin, end, _ns(settings.before))
-        if chunks:  # of a robot that is silent what it said last
-            begin = min(begin, max(each.end for each in chunks) - _ns(settings.before))
+            if (ring := self.rings.get(Stream(topic))) is not None:
+                chunks = ring.chunks(begin, end, _ns(settings.before))
+                recorded.append((Channel(topic.name, Stream(topic).kind), chunks))
+        last = max((chunk.end for _channel, chunks in recorded for chunk in chunks), default=None)
+        if last is not None:  # of a robot that is silent what it said last
+            begin = min(begin, last - _ns(settings.before))
         for (topic, kind, _robot), ring in self.rings.beside(event.robot).items():
-            if found := ring.chunks(begin, end):
-                channels[ring.channel] = Channel(topic.name, kind)
-                chunks += found
-        if not chunks:
+            recorded.append((Channel(topic.name, kind), ring.chunks(begin, end)))
+        recorded = [(channel, chunks) for channel, chunks in recorded if chunks]
+        if not recorded:
             return None
-        return write(channels, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
+        return write(recorded, _metadata(waiting), self._attached(waiting), _ns(now.wall))
 
     def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
         described = {

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from itertools import count
 
 from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
@@ -16,23 +15,23 @@ from ros_diagnostics_exporter.model import Instant, Stream, Topic
 CHUNK = 16 << 10  # bytes of a chunk before it is compressed
 WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped
 RING = 40 << 10  # compressed bytes of one topic for ``PER`` seconds; the oldest are dropped beyond
+PLAIN = 16 << 20  # ... and decompressed, as they are when they are written
 PER = 70.0
 SPAN = 10 * 10**9  # ns from the first message of a chunk to the last, where few are received
 
 
 class Ring:
-    """The last messages of one topic; ``channel`` is its number in every file."""
+    """The last messages of one topic."""
 
-    __slots__ = ("_chunks", "_open", "channel")
+    __slots__ = ("_chunks", "_open")
 
-    def __init__(self, channel: int) -> None:
-        self.channel = channel
+    def __init__(self) -> None:
         self._chunks: deque[Chunk] = deque()
-        self._open = OpenChunk(channel)
+        self._open = OpenChunk()
 
     def append(self, time: int, data: bytes, keep: float) -> None:
         """Append a message, and compress what a chunk is full of; ``keep`` is in seconds."""
-        if self._open.index and not 0 <= time - self._open.begin < SPAN:
+        if self._open.content and not 0 <= time - self._open.begin < SPAN:
             self._close(time, keep)
         self._open.append(time, data)
         if len(self._open.content) >= CHUNK:
@@ -40,13 +39,18 @@ class Ring:
 
     def _close(self, time: int, keep: float) -> None:
         self._chunks.append(self._open.compressed())
-        self._open = OpenChunk(self.channel)
-        self._drop(time - int(keep * 1e9), RING * max(1.0, keep / PER))
+        self._open = OpenChunk()
+        self._drop(time - int(keep * 1e9), max(1.0, keep / PER))
 
-    def _drop(self, oldest: int, most: float) -> None:
+    def _drop(self, oldest: int, times: float) -> None:
+        """Drop what is older than that, or beyond so many times the limits."""
         size = sum(len(each.data) for each in self._chunks)
-        while len(self._chunks) > 1 and (size > most or self._chunks[0].end < oldest):
-            size -= len(self._chunks.popleft().data)
+        plain = sum(each.size for each in self._chunks)
+        while len(self._chunks) > 1 and (
+            size > RING * times or plain > PLAIN * times or self._chunks[0].end < oldest
+        ):
+            dropped = self._chunks.popleft()
+            size, plain = size - len(dropped.data), plain - dropped.size
 
     @property
     def size(self) -> int:
@@ -58,7 +62,7 @@ class Ring:
 
         With ``before``, of a stream of which nothing was received of late its last so many ns.
         """
-        found = [*self._chunks, *([self._open.compressed()] if self._open.index else [])]
+        found = [*self._chunks, *([self._open.compressed()] if self._open.content else [])]
         if found and before is not None:
             begin = min(begin, found[-1].end - before)
         return [each for each in found if each.end >= begin and each.begin <= end]
@@ -72,7 +76,6 @@ class Rings:
         self._waiting: list[tuple[Stream, float, bytes]] = []
         self._waiting_bytes = 0
         self._rings: dict[Stream, Ring] = {}
-        self._numbers = count()  # not how many there are: that of one forgotten would come again
         self.dropped = 0  # messages, because `compress` was late
         self.keep = PER  # seconds that are kept of each stream
 
@@ -94,7 +97,7 @@ class Rings:
                 continue  # rclpy decoded it; the channels say CDR
             ring = self._rings.get(stream)
             if ring is None:
-                ring = self._rings[stream] = Ring(next(self._numbers) % 65_535 + 1)
+                ring = self._rings[stream] = Ring()
             ring.append(int(wall * 1e9), data, self.keep)
 
     def get(self, stream: Stream) -> Ring | None:

@@ -28,7 +28,8 @@ from ros_diagnostics_exporter.sources.dds import check_ros
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.sources.ros_environment import RosMissingError, split_arguments
 from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
-from ros_diagnostics_exporter.storage.database import InUseError, Retention, VersionError
+from ros_diagnostics_exporter.storage.database import ForeignError, InUseError
+from ros_diagnostics_exporter.storage.retention import Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
@@ -94,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except (AddressError, VersionError) as error:
+    except (AddressError, ForeignError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
     except WebEndedError:

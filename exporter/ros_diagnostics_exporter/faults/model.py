@@ -98,13 +98,18 @@ def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def identity_of(texts: Mapping[str, str]) -> Identity:
-    """The identity of which these are the texts, see `as_texts`."""
+def fault_of(fleet: str, exporter: str, texts: Mapping[str, Any]) -> str:
+    """The id of the fault of which these are the texts, see `as_texts`; "" may be left out.
+
+    Raises:
+        LookupError, ValueError: They are of no fault, or of one of another version.
+    """
     scope, state = Scope(texts["scope"]), State(texts["state"])
-    own = {each: texts[each] for each in ("robot", "group", "component", "check", "key", "bound")}
-    site = texts["site"] if scope is Scope.SITE else ""
+    names = ("robot", "group", "component", "check", "key", "bound")
+    parts = {name: texts.get(name, "") for name in names}
+    site = texts.get("site", "") if scope is Scope.SITE else ""
     severity = texts["severity"] if state is State.MANY else ""
-    return Identity(scope, state, **own, site=site, severity=severity)
+    return fault_id(fleet, exporter, Identity(scope, state, **parts, site=site, severity=severity))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts, fault_id
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -25,6 +24,7 @@ from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
 from ros_diagnostics_exporter.texts import encodable, escape, one_line
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import logging
 import os
 import sqlite3
 import stat
@@ -22,36 +23,30 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.events import Event, Wanted, filled
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.storage.retention import LEAST
+from ros_diagnostics_exporter.storage.schema import (
+    APPLICATION,
+    INDEXES,
+    OF_FAULTS,
+    TABLES_OF,
+    VERSION,
+    FaultOf,
+    copy,
+    create,
+    migrate,
+)
 from ros_diagnostics_exporter.texts import encodable
 
-VERSION = 3  # of the schema
-APPLICATION = 0x524F5344  # "ROSD", for `file`
+log = logging.getLogger(__name__)
+
 MAGIC = b"SQLite format 3\0"
 FORMATS = (b"\1\1", b"\2\2")  # bytes 18 and 19 of the header: rollback journal, WAL
 BUSY = 5.0  # seconds that a backup tool, for example, may hold the file
 WAL_BYTES = 16 << 20  # to which the write-ahead log is cut after a checkpoint
 MAX_ID = 2**52  # of an event; above 2**53, JSON numbers are not exact
 BLOCK = 200  # events that are read at a time
-SCHEMA = (
-    "CREATE TABLE robots (name TEXT PRIMARY KEY, data TEXT NOT NULL)",
-    "CREATE TABLE seen (robot TEXT PRIMARY KEY, time REAL NOT NULL) WITHOUT ROWID",
-    "CREATE TABLE faults (kind TEXT, key TEXT, fields TEXT, PRIMARY KEY (kind, key)) WITHOUT ROWID",
-    (
-        "CREATE TABLE events (id INTEGER PRIMARY KEY,"
-        " time REAL, kind TEXT, robot TEXT, component TEXT, after TEXT, data TEXT)"
-    ),
-    "CREATE INDEX events_of_robot ON events (robot)",
-)
-# Those of faults are few among those of levels, and pages of faults ask for them. Databases of
-# earlier exporters get it, too. A query has to name the kind itself, not as a parameter, to use it.
-OF_FAULTS = frozenset(("fault_began", "fault_ended", "notified", "acknowledged", "action"))
-INDEX_OF_FAULTS = (
-    "CREATE INDEX IF NOT EXISTS events_of_faults ON events (kind)"
-    f" WHERE {' OR '.join(f'kind = {each!r}' for each in sorted(OF_FAULTS))}"
-)
 _EVENT = TypeAdapter(Event)
-_TABLES = frozenset(each for each in SCHEMA if each.startswith("CREATE TABLE"))
+_TABLES = "SELECT sql FROM sqlite_master WHERE sql <> ''"
 _DAMAGE = (11, 26)  # SQLITE_CORRUPT, SQLITE_NOTADB
 
 
@@ -59,12 +54,26 @@ class InUseError(Exception):
     """Another process has the database open; the text names the file and the process."""
 
 
-class VersionError(Exception):
-    """The file is intact and not one of this version; the text names it."""
+class ForeignError(Exception):
+    """The file is the database of another program; the text names it."""
 
 
 class DamagedError(Exception):
-    """The file is no intact database; the text says why."""
+    """The file is no intact database; the text says why.
+
+    ``suffix`` is what its name is given, before a number, when it is kept aside.
+    """
+
+    suffix = "damaged"
+
+
+class LaterVersionError(DamagedError):
+    """The file is of a version that this exporter does not know."""
+
+    def __init__(self, version: int) -> None:
+        known = f"{min(TABLES_OF)} to {VERSION}"
+        super().__init__(f"it is of version {version}, and this exporter reads {known}")
+        self.suffix = f"version-{version}"
 
 
 def is_damage(error: Exception) -> bool:
@@ -117,52 +126,24 @@ class Lock:
         os.close(self._file)
 
 
-@dataclass(frozen=True)
-class Retention:
-    """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
-
-    seconds: float = 90 * 86_400.0
-    size: int = 256 << 20
-
-
-class AgeClock:
-    """The wall clock by which events become old, which follows one that was set ahead slowly.
-
-    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
-    """
-
-    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
-
-    def __init__(self) -> None:
-        self._last: Instant | None = None
-
-    def set(self, wall: float | None, now: Instant) -> None:
-        """Go on from what it was in an earlier process, None: from now."""
-        self._last = now if wall is None else Instant(now.mono, wall)
-
-    def time(self, now: Instant) -> float:
-        """Unix time, never ahead of the wall clock."""
-        return min(self.wall(now), now.wall)
-
-    def wall(self, now: Instant) -> float:
-        """What a later process goes on from; ahead of a wall clock that was set back."""
-        last = self._last or now
-        most = last.wall + self.FASTEST * (now.mono - last.mono)
-        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
-        return self._last.wall
+def _no_fault(_event: str) -> None:
+    """The fault of an event where no fleet is known."""
 
 
 class Database:
     """The open file; made if it is not there. For one thread at a time.
 
+    One of an earlier version is migrated, after a copy; ``fault_of`` names its events' faults.
+
     Raises:
         DamagedError, sqlite3.Error: it is damaged, see `is_damage`.
-        VersionError: it is of another version, or of another program.
+        ForeignError: it is of another program.
         OSError, sqlite3.OperationalError: it cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, fault_of: FaultOf = _no_fault) -> None:
         self._path = path
+        self._fault_of = fault_of
         self._inode = _prepare(path)
         self._connection = sqlite3.connect(
             path, timeout=BUSY, isolation_level=None, check_same_thread=False
@@ -177,39 +158,42 @@ class Database:
     def _set_up(self) -> None:
         connection = self._connection
         try:
-            found = set(self._ask("SELECT sql FROM sqlite_master WHERE sql <> ''"))
+            found = set(self._ask(_TABLES))
         except (UnicodeDecodeError, sqlite3.DatabaseError) as error:
             # Of SQLite's message, which quotes the schema; Python 3.10 leaves the message out.
             if isinstance(error, UnicodeDecodeError) or not str(error):
                 raise DamagedError("its schema is not UTF-8") from error
             raise
-        if found:  # then before anything in it is changed
-            self._check_version()
+        version = self._version() if found else VERSION  # before anything in it is changed
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
         if not found:
-            self._create()
-        elif not found >= _TABLES:  # an index more, or the statistics of ANALYZE, are harmless
-            raise DamagedError("its tables are not those of this version")
-        connection.execute(INDEX_OF_FAULTS)
+            with self._transaction():
+                create(connection)
+        elif not found >= set(TABLES_OF[version]):  # an index more, or ANALYZE's, is harmless
+            raise DamagedError("its tables are not those of its version")
+        elif version != VERSION:
+            self._migrate(version)
+        for statement in INDEXES:
+            connection.execute(statement)
 
-    def _check_version(self) -> None:
+    def _version(self) -> int:
         [application], [version] = map(self._ask, ("PRAGMA application_id", "PRAGMA user_version"))
         if application != APPLICATION:
             what = "the database of another program; choose another --storage.path"
-            raise VersionError(f"{self._path} is {what}")
-        if version != VERSION:
-            what = f"a database of version {version}, and this exporter writes version {VERSION}"
-            remedy = "start the exporter that wrote it, or give this one another --storage.path"
-            raise VersionError(f"{self._path} is {what}; {remedy}")
+            raise ForeignError(f"{self._path} is {what}")
+        if version not in TABLES_OF:
+            raise LaterVersionError(version)
+        return int(version)
 
-    def _create(self) -> None:
+    def _migrate(self, version: int) -> None:
+        """Bring it to this version, after a copy."""
+        aside = copy(self._connection, self._path, version)
         with self._transaction():
-            for statement in SCHEMA:
-                self._connection.execute(statement)
-            self._connection.execute(f"PRAGMA user_version = {VERSION}")
-            self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
+            migrate(self._connection, version, self._fault_of)
+        what = "is migrated from version %d to %d; as it was it is kept as %s"
+        log.warning(f"database %s {what}", self._path, version, VERSION, aside)  # noqa: G004
 
     def close(self) -> None:
         """Close the file."""
@@ -273,8 +257,10 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> None:
+    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> bool:
         """Write what changed, and delete the oldest events.
+
+        Returns whether the database has room for more than `LEAST` events.
 
         Args:
             changes: What changed.
@@ -290,7 +276,7 @@ class Database:
             self._write_faults(changes.faults)
             written = self._write_events(changes.events)
             # So that they go faster than they come.
-            self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
+            return self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
@@ -322,22 +308,31 @@ class Database:
     def _write_events(self, events: Iterable[tuple[int, Event]]) -> int:
         """Write events; returns how many."""
         return self._connection.executemany(
-            "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?)",
+            "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             (_event_row(number, event) for number, event in events),
         ).rowcount
 
-    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> None:
-        """Delete up to ``count`` of the oldest events, where they are too old or too many."""
-        [[pages], [free], [size]] = (
-            self._ask(f"PRAGMA {name}") for name in ("page_count", "freelist_count", "page_size")
-        )
-        if (pages - free) * size > most:
-            self._connection.execute(
-                "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
-                (count,),
-            )
-        elif last := self._last_old(count, *ages):
+    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> bool:
+        """Delete up to ``count`` of the oldest events, where they are too old or too many.
+
+        Returns whether that is enough.
+        """
+        if last := self._last_old(count, *ages):
             self._connection.execute("DELETE FROM events WHERE id <= ?", (last,))
+        if self._used() <= most:
+            return True
+        deleted = self._connection.execute(
+            "DELETE FROM events WHERE id IN (SELECT id FROM events"
+            " WHERE id <= (SELECT max(id) FROM events) - ? ORDER BY id LIMIT ?)",
+            (LEAST, count),
+        ).rowcount
+        return deleted == count or self._used() <= most
+
+    def _used(self) -> int:
+        """Bytes of the pages that are in use."""
+        names = "page_count", "freelist_count", "page_size"
+        [[pages], [free], [size]] = (self._ask(f"PRAGMA {name}") for name in names)
+        return int((pages - free) * size)
 
     def _last_old(self, count: int, oldest: float, newest: float) -> int:
         """The last of the events at the beginning that are too old; 0: none is."""
@@ -381,11 +376,15 @@ def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
     conditions = ["id < ?"]
     values: list[int | float | str] = [wanted.before or 1 << 62]
     index = ""
-    if wanted.kind in OF_FAULTS:
+    is_by_kind = wanted.fault is None and wanted.kind in OF_FAULTS
+    if wanted.fault is not None:
+        index = "INDEXED BY events_of_fault "
+    elif is_by_kind:
         conditions.append(f"kind = '{wanted.kind}'")
         index = "INDEXED BY events_of_faults "  # else those of all kinds are read in order
     for condition, value in (
-        ("kind = ?", None if wanted.kind in OF_FAULTS else wanted.kind),
+        ("fault = ?", wanted.fault),
+        ("kind = ?", None if is_by_kind else wanted.kind),
         ("robot = ?", wanted.robot),
         ("component = ?", wanted.component),
         ("after = ?", wanted.level),
@@ -438,11 +437,11 @@ def _inode(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _event_row(number: int, event: Event) -> tuple[int | float | str, ...]:
+def _event_row(number: int, event: Event) -> tuple[int | float | str | None, ...]:
     # What can be asked for is apart; everything is in the JSON.
     texts = (event.kind, event.robot, event.component, event.after)
     data = json.dumps(filled(event), ensure_ascii=False)
-    return number, event.time, *map(encodable, (*texts, data))
+    return number, event.time, *map(encodable, (*texts, data)), event.fault or None
 
 
 def _event(data: Any) -> Event | None:

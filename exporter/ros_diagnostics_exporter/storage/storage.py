@@ -13,36 +13,32 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import pydantic_core
-from pydantic import TypeAdapter, ValidationError
-
-from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
-from ros_diagnostics_exporter.faults import stored
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
+from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.storage.database import (
-    AgeClock,
     Changes,
     DamagedError,
     Database,
+    ForeignError,
     InUseError,
     Lock,
-    Retention,
-    VersionError,
     find_events,
     first_event,
     is_damage,
     rename_database,
 )
+from ros_diagnostics_exporter.storage.earlier import Found, decoded, event_fault, salvage
+from ros_diagnostics_exporter.storage.retention import LEAST, AgeClock, Retention
+from ros_diagnostics_exporter.storage.schema import FaultOf
 
 if TYPE_CHECKING:  # these import the types below
     from ros_diagnostics_exporter.fleet.state import FleetState
@@ -56,65 +52,20 @@ HANGING = 5.0  # seconds after which a write that goes on counts as failed
 LOADING = 30.0  # seconds that the start waits for the disk
 CHECKING = 5.0  # seconds of these for looking for damage
 MAX_ASIDE = 10  # damaged files that are kept
-MAX_SALVAGED = 10_000  # events of a damaged file
 MAX_NAMED = 5  # rows that are dropped
-MAX_NAME = 1024  # characters of a robot's name
 ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` at its last write
 
 log = logging.getLogger(__name__)
 
 _WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.ACCOUNT, Mark.CONFIG
 _Key = tuple[int, int, int]
-_ROBOT = TypeAdapter(PersistedRobot)
-_SEEN = TypeAdapter(Moment | None)
-
-
-@dataclass
-class _Found:
-    """What an earlier process left.
-
-    ``damage`` is what is wrong with the file, ``obstacle`` why nothing could be read, or "".
-    """
-
-    robots: dict[str, PersistedRobot] = field(default_factory=dict)
-    rows: list[Row] = field(default_factory=list)
-    last_event: int = 0
-    written_at: float | None = None  # by its `AgeClock`
-    damage: str = ""
-    obstacle: str = ""
-    dropped: list[str] = field(default_factory=list)  # rows that are not valid, and why
-    restored: str = ""  # what of a damaged file is restored, for the log
-    salvaged: list[Numbered] = field(default_factory=list)
-
-    def add_damage(self, what: str) -> None:
-        """Note what is wrong; nothing where ``what`` is ""."""
-        self.damage = "; ".join(filter(None, (self.damage, what)))
-
-    def add_robots(self, stored_robots: Iterable[tuple[str, Any, Any]]) -> None:
-        """Keep the valid ones of these: name, fields, and when last received, if later."""
-        for name, fields, seen in stored_robots:
-            robot = _robot(name, fields, seen)
-            if isinstance(robot, PersistedRobot):
-                self.robots[name] = robot
-            else:
-                self.dropped.append(f"robot {name!r:.60}: {robot}")
-
-    def add_rows(self, stored_rows: Iterable[Any]) -> None:
-        """Keep the valid rows of the faults."""
-        self.rows, wrong = stored.parse(stored_rows)
-        self.dropped += wrong
-
-    def drop(self, rows: Iterable[Row]) -> None:
-        """Leave out rows of the faults that refer to what is not there."""
-        for row in rows:
-            self.rows.remove(row)
-            self.dropped.append(f"{stored.named(row)}: what it refers to is not there")
 
 
 class Storage:
     """Reads the database at the start and writes it from then on.
 
     ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
+    ``is_crowded``: what is kept of robots leaves no room for events, of which the newest are kept.
 
     Args:
         path: The database; its folder is made if the one above it is there.
@@ -124,11 +75,12 @@ class Storage:
     def __init__(self, path: Path, retention: Retention | None = None) -> None:
         self._path = path
         self._retention = retention or Retention()
-        self._found: _Found | None = None  # until the first write
+        self._found: Found | None = None  # until the first write
         self._lock: Lock | None = None
         self._database: Database | None = None
         self._successful = True
         self.written_at = 0.0
+        self.is_crowded = False
         self._blocked = False  # by a file that could not be read, and so is not overwritten
         self._tried_at = self._logged_at = self._seen_at = float("-inf")
         self._writing_since: float | None = None
@@ -139,6 +91,7 @@ class Storage:
         self._changed_rows: dict[tuple[str, str], None] = {}
         self._last_event = 0  # that is written
         self._age = AgeClock()
+        self._name_fault: FaultOf = lambda _event: None
 
     @property
     def path(self) -> Path:
@@ -161,13 +114,15 @@ class Storage:
         """Restore what an earlier process knew, and return the id of its last event.
 
         A row that is not valid is dropped and logged. What is valid in a damaged file is restored,
-        and the first write renames it to the first free of ``<path>.damaged-1`` to ``-10``. One
-        that cannot be read is left alone, and nothing is saved until it is moved away.
+        and the first write renames it to the first free of ``<path>.damaged-1`` to ``-10``, one of
+        a later version to ``<path>.version-9-1``. One that cannot be read is left alone, and
+        nothing is saved until it is moved away.
 
         Raises:
             InUseError: another exporter has the database open.
-            VersionError: it is of another version; it is left as it is.
+            ForeignError: it is the database of another program; it is left as it is.
         """
+        self._name_fault = partial(event_fault, state.fleet)
         found = self._found = self._read_in_time()
         if found.obstacle:
             self._block(f"cannot be read ({found.obstacle}): starting without it")
@@ -188,46 +143,47 @@ class Storage:
             what = "rows are not valid and dropped, the others restored"
             log.error("database %s: %d %s: %s%s", self._path, len(dropped), what, named, more)
 
-    def _read_in_time(self) -> _Found:
+    def _read_in_time(self) -> Found:
         """What is in the file; read in a thread, because a disk may hang."""
-        ended: list[_Found | InUseError | VersionError] = []
+        ended: list[Found | InUseError | ForeignError] = []
         thread = threading.Thread(target=lambda: ended.append(self._read()), daemon=True)
         thread.start()
         thread.join(LOADING)
         if not ended:
-            return _Found(obstacle=f"no answer of the disk in {LOADING:.0f} s")
+            return Found(obstacle=f"no answer of the disk in {LOADING:.0f} s")
         [found] = ended
         if isinstance(found, Exception):
             raise found
         return found
 
-    def _read(self) -> _Found | InUseError | VersionError:
+    def _read(self) -> Found | InUseError | ForeignError:
         try:
             return self._read_file()
-        except (InUseError, VersionError) as error:
+        except (InUseError, ForeignError) as error:
             return error
         except OSError as error:
-            return _Found(obstacle=str(error.strerror))
+            return Found(obstacle=str(error.strerror))
         except sqlite3.Error as error:
-            return _Found(obstacle=str(error))
+            return Found(obstacle=str(error))
 
-    def _read_file(self) -> _Found:
+    def _read_file(self) -> Found:
         try:
             read_regular(self._path, 1, follow=False)
         except FileNotFoundError:
-            return _Found()
+            return Found()
         self._lock = Lock(self._path)
-        found = _Found()
+        found = Found()
         try:
-            self._database = Database(self._path)
+            self._database = Database(self._path, self._name_fault)
             self._read_database(self._database, found)
         except (sqlite3.Error, DamagedError) as error:
             if not is_damage(error):
                 raise
             found.add_damage(str(error))
+            found.suffix = getattr(error, "suffix", found.suffix)
         return found
 
-    def _read_database(self, database: Database, found: _Found) -> None:
+    def _read_database(self, database: Database, found: Found) -> None:
         """Read what is valid, up to where the file is damaged.
 
         Raises:
@@ -236,8 +192,8 @@ class Storage:
         found.add_damage(database.check(CHECKING))
         found.last_event = self._last_event = database.last_event()
         found.written_at = database.written_at()
-        found.add_robots((name, _decoded(text), seen) for name, text, seen in database.robots())
-        found.add_rows([row[0], *map(_decoded, row[1:])] for row in database.faults())
+        found.add_robots((name, decoded(text), seen) for name, text, seen in database.robots())
+        found.add_rows([row[0], *map(decoded, row[1:])] for row in database.faults())
 
     def _block(self, what: str) -> None:
         self._blocked, self._successful = True, False
@@ -266,7 +222,7 @@ class Storage:
             self._blocked = self._blocked and os.path.lexists(self._path)
             if not self._blocked:
                 self._save(state, events, now, at_once=at_once)
-        except (OSError, sqlite3.Error, InUseError, VersionError, DamagedError) as error:
+        except (OSError, sqlite3.Error, InUseError, ForeignError, DamagedError) as error:
             self._failed(now, error)
         except Exception as error:  # noqa: BLE001 - our own fault must not end the thread unseen
             self._failed(now, error, exc_info=True)
@@ -278,7 +234,7 @@ class Storage:
         self._close_database()
         if is_damage(error) and self._found is None:
             # The next write sets it aside.
-            self._found = _Found(damage=str(error), last_event=self._last_event)
+            self._found = Found(damage=str(error), last_event=self._last_event)
         self._log(now, f"cannot be written: {error}", exc_info=exc_info)
 
     def _log(self, now: Instant, what: str, *, exc_info: bool = False) -> None:
@@ -324,13 +280,25 @@ class Storage:
             return
         retention = self._retention
         oldest = self._age.time(now) - retention.seconds
-        database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
+        has_room = database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
+        self._note_room(has_room=has_room)
         self._keys, self._everything, self._changed_rows = keys, False, {}
         if is_due:
             self._seen, self._seen_at = seen, now.wall
         self._note_events(new, now)
         self._successful, self.written_at = True, now.wall
         self._found = None
+
+    def _note_room(self, *, has_room: bool) -> None:
+        if not has_room and not self.is_crowded:
+            log.error("database %s: %s", self._path, self.crowded_reason)
+        self.is_crowded = not has_room
+
+    @property
+    def crowded_reason(self) -> str:
+        """What is wrong where ``is_crowded``."""
+        limit = f"--storage.retention.size ({self._retention.size:,} bytes)"
+        return f"what is kept of robots needs {limit}: only the newest {LEAST:,} events are kept"
 
     def _note_events(self, written: list[Numbered], now: Instant) -> None:
         if not written:
@@ -399,11 +367,13 @@ class Storage:
             self._set_aside(found)
         return found.salvaged
 
-    def _set_aside(self, found: _Found) -> None:
-        """Rename a damaged file, or block all writes."""
+    def _set_aside(self, found: Found) -> None:
+        """Rename a file that is damaged or of a later version, or block all writes."""
         self._close_database()
-        what = f"is damaged ({found.damage}){found.restored}"
-        names = (f"{self._path.name}.damaged-{number}" for number in range(1, MAX_ASIDE + 1))
+        word = "is damaged" if found.suffix == DamagedError.suffix else "cannot be used"
+        what = f"{word} ({found.damage}){found.restored}"
+        name = f"{self._path.name}.{found.suffix}"
+        names = (f"{name}-{number}" for number in range(1, MAX_ASIDE + 1))
         free = (self._path.with_name(name) for name in names)
         aside = next((path for path in free if not os.path.lexists(path)), None)
         if aside is None:
@@ -416,7 +386,7 @@ class Storage:
             return
         log.error("database %s %s; it is kept as %s", self._path, what, aside)
         if found.last_event:
-            found.salvaged = _salvage(aside, found.last_event)
+            found.salvaged = salvage(aside, found.last_event)
         found.damage = ""
 
     def find_events(self, wanted: Wanted) -> Iterator[Numbered]:
@@ -452,32 +422,3 @@ def _row_as_json(row: Row) -> tuple[tuple[str, str], str | None]:
     kind, key, fields = row
     text = None if fields is None else json.dumps(fields, ensure_ascii=False)
     return (kind, json.dumps(key, ensure_ascii=False)), text
-
-
-def _decoded(text: Any) -> Any:
-    """The content of a column with JSON; None if it has none."""
-    try:
-        return pydantic_core.from_json(text, allow_inf_nan=False)
-    except (TypeError, ValueError):
-        return None
-
-
-def _robot(name: Any, fields: Any, seen: Any) -> PersistedRobot | str:
-    """One robot, or what is wrong with it."""
-    if not (isinstance(name, str) and name.isprintable() and 1 <= len(name) <= MAX_NAME):
-        return "its name is not one of a robot"
-    try:
-        robot, last_seen = _ROBOT.validate_python(fields), _SEEN.validate_python(seen)
-    except ValidationError as error:
-        return first_error(error)
-    return robot if last_seen is None else robot.seen_at(last_seen)
-
-
-def _salvage(aside: Path, last: int) -> list[Numbered]:
-    """The newest events of a damaged file, as far as they can be read, oldest first."""
-    found: list[Numbered] = []
-    try:
-        found.extend(find_events(aside, Wanted(before=last + 1, limit=MAX_SALVAGED)))
-    except sqlite3.Error as error:
-        log.warning("%s: %d events of it are taken over: %s", aside, len(found), error)
-    return found[::-1]

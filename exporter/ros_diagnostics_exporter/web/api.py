@@ -173,11 +173,11 @@ class Api:
             raise ApiError(400, "the query must name a robot: /-/forget?robot=NAME")
         component = request.query_params.get("component")
         try:
-            removed = await self._workers.run(self._backend.forget, robot, component)
+            removed, passed_on = await self._workers.run(self._backend.forget, robot, component)
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
         self._workers.invalidate()
-        return _json({"forgotten": removed})
+        return _json({"forgotten": removed, "passed_on": passed_on})
 
     async def accept_graph(self, request: Request) -> Response:
         """Take what the ROS graph shows of a robot as expected; the number of expected nodes."""

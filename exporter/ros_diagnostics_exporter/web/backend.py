@@ -120,8 +120,10 @@ class Backend(Protocol):
             ValueError: The configuration is invalid; the text lists every error.
         """
 
-    def forget(self, robot: str, component: str | None, /) -> int:
-        """Remove a robot, or one of its components; the number of components removed.
+    def forget(self, robot: str, component: str | None, /) -> tuple[int, bool]:
+        """Remove a robot, or one of its components.
+
+        Returns the number of components removed, and whether other exporters follow.
 
         Raises:
             LookupError: There is none of that name.

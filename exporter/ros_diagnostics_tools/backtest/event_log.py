@@ -25,7 +25,8 @@ from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Level, Status, Topic
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
-from ros_diagnostics_exporter.storage.database import APPLICATION, VERSION, find_events, reading
+from ros_diagnostics_exporter.storage.database import find_events, reading
+from ros_diagnostics_exporter.storage.schema import APPLICATION, VERSION
 
 HEARTBEAT = 1.0  # seconds between two arrays of a robot
 _ROBOT = TypeAdapter(PersistedRobot)

@@ -1,16 +1,29 @@
-"""An MCAP file (https://mcap.dev/spec), read by its index, or without one as far as it is whole."""
+"""An MCAP file (https://mcap.dev/spec), read by its index, or without one as far as it is whole.
+
+Foxglove's library reads the records. It stops at the first damage: what it read before counts.
+"""
 
 from __future__ import annotations
 
 import struct
-from binascii import crc32
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from heapq import heappop, heappush
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
+from zstandard import ZstdError
+
 from ros_diagnostics_exporter import zstd
-from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_tools.backtest.formats import (
     ROS1_TYPE,
     TYPE,
@@ -21,15 +34,14 @@ from ros_diagnostics_tools.backtest.formats import (
 )
 from ros_diagnostics_tools.backtest.sqlite_bag import plain
 
-MAGIC = b"\x89MCAP0\r\n"
-ATTACHMENT = 0x09
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
-CHUNK_INDEX, STATISTICS, SUMMARY_OFFSET = 0x08, 0x0B, 0x0E
-FOOTER_SIZE = 9 + 20 + len(MAGIC)
+HEADER = 9  # bytes of a record before its content: its kind and its length
 _ENCODINGS = {"cdr": bytes, "ros1": Ros1}
-_record = struct.Struct("<BQ")
-_chunk = struct.Struct("<QQQI")
-_message = struct.Struct("<HIQQ")
+# What the library raises where a file is damaged: its own errors, and those of a length or a place
+# that is none. lz4 raises RuntimeError.
+_DAMAGE = (
+    *(McapError, ZstdError, zstd.ZstdError, struct.error, RuntimeError),
+    *(KeyError, ValueError, OverflowError, OSError, MemoryError),
+)
 
 
 class DamageError(Exception):
@@ -37,36 +49,12 @@ class DamageError(Exception):
 
 
 class Block(NamedTuple):
-    """A chunk, or a message outside of one: its time (ns), and where the record's content is."""
+    """A chunk, or a message outside of one: its time (ns), and where its content begins."""
 
     begin: int
     end: int
     at: int
-    size: int
-    op: int
-
-
-class _Fields:
-    """Reads the fields of a record one after the other."""
-
-    def __init__(self, content: bytes) -> None:
-        self._content, self._at = content, 0
-
-    def number(self, form: str) -> int:
-        (value,) = struct.unpack_from(f"<{form}", self._content, self._at)
-        self._at += struct.calcsize(f"<{form}")
-        return int(value)
-
-    def text(self) -> str:
-        return self.bytes(self.number("I")).decode(errors="replace")
-
-    def bytes(self, size: int) -> bytes:
-        self._at += size
-        return self._content[self._at - size : self._at]
-
-    def counts(self) -> dict[int, int]:
-        """A map of channel ids to numbers."""
-        return dict(struct.iter_unpack("<HQ", self.bytes(self.number("I"))))
+    size: int  # of a message; 0: a chunk
 
 
 class McapFile:
@@ -80,13 +68,18 @@ class McapFile:
         self._channels: dict[int, tuple[str, type[bytes]]] = {}  # that hold diagnostics
         self._blocks: list[Block] = []
         self.count, self._times = 0, (0, 0)
+        self._cut: int | None = None  # where the content of the chunk begins that is cut off
         self._file = path.open("rb")
         self._size = path.stat().st_size
-        if self._file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{path}: cannot be read as a bag: does not begin as MCAP does")
+        try:
+            self._reader = SeekingReader(self._file)
+        except (InvalidMagic, EndOfFile, struct.error) as error:
+            raise RecordingError(
+                f"{path}: cannot be read as a bag: does not begin as MCAP does"
+            ) from error
         try:
             self._read()
-        except (DamageError, struct.error) as damage:
+        except DamageError as damage:
             self._warn(str(damage))
         self._blocks.sort()
         self.topics = {topic for topic, _encoding in self._channels.values()}
@@ -102,88 +95,87 @@ class McapFile:
 
     def _read(self) -> None:
         try:
-            is_indexed = self._read_index()
-        except (DamageError, struct.error):
-            is_indexed = False
-        if not is_indexed:
+            summary = self._reader.get_summary()
+        except _DAMAGE:  # it was not closed, or is damaged at its end
+            summary = None
+        if summary is None or summary.statistics is None or not summary.chunk_indexes:
             self._scan()
+        else:
+            self._take(summary)
 
-    def _read_index(self) -> bool:
-        """Read the summary; False where the file ends without one, or it does not index chunks."""
-        self._file.seek(max(0, self._size - FOOTER_SIZE))
-        footer = self._file.read()
-        if len(footer) < FOOTER_SIZE or not footer.endswith(MAGIC) or footer[0] != FOOTER:
-            return False
-        (start,) = struct.unpack_from("<Q", footer, 9)
-        if not 0 < start < self._size:
-            return False
-        indexes, statistics = [], None
-        for op, at, size in self._records(start, self._size - FOOTER_SIZE):
-            fields = _Fields(self._bytes(at, size))
-            if op == CHUNK_INDEX:
-                indexes.append(fields)
-            elif op == STATISTICS:
-                statistics = fields
-            else:
-                self._note(op, fields)
-        if statistics is None or not indexes:
-            return False
-        statistics.bytes(26)
-        self._times = statistics.number("Q"), statistics.number("Q")
-        counts = statistics.counts()
-        self.count = sum(counts.get(each, 0) for each in self._channels)
-        self._blocks = [block for each in indexes if (block := self._block(each)) is not None]
-        return True
+    def _take(self, summary: Summary) -> None:
+        for record in chain(summary.schemas.values(), summary.channels.values()):
+            self._note(record)
+        if (counts := summary.statistics) is not None:
+            self._times = counts.message_start_time, counts.message_end_time
+            of_each = counts.channel_message_counts
+            self.count = sum(of_each.get(channel, 0) for channel in self._channels)
+        self._blocks = [_block(index) for index in summary.chunk_indexes if self._holds(index)]
 
-    def _block(self, fields: _Fields) -> Block | None:
-        """A chunk by its index; None where it holds no diagnostics."""
-        begin, end, at, size = (fields.number("Q") for _ in range(4))
-        channels = fields.counts()  # none where the recorder writes no indexes of messages
-        if channels and not channels.keys() & self._channels.keys():
-            return None
-        return Block(begin, end, at + _record.size, size - _record.size, CHUNK)
+    def _holds(self, index: ChunkIndex) -> bool:
+        """Whether a chunk holds diagnostics; not known where messages have no indexes."""
+        channels = index.message_index_offsets
+        return not channels or not channels.keys().isdisjoint(self._channels)
 
     def _scan(self) -> None:
         """Read the file from the begin: what the index would say, up to where it is damaged."""
-        self._times = 0, 0
-        for op, at, size in self._records(len(MAGIC), self._size):
-            if op == FOOTER:
-                return
-            if op == CHUNK:
-                begin, end, *_rest = _chunk.unpack_from(self._bytes(at, _chunk.size))
-                before = self.count
-                for inner, fields, content in self._inside(at, size):
-                    self._count(inner, fields, content)
-                if self.count > before:
-                    self._blocks.append(Block(begin, end, at, size, CHUNK))
-            elif op in (SCHEMA, CHANNEL, MESSAGE):
-                content = self._bytes(at, size)
-                if self._count(op, _Fields(content), content):
-                    (_channel, _number, time, _published) = _message.unpack_from(content)
-                    self._blocks.append(Block(time, time, at, size, MESSAGE))
-        raise DamageError(f"ends without a footer after {self._size} bytes")
+        self._file.seek(0)
+        at = self._file.tell()
+        try:
+            for record in StreamReader(self._file, emit_chunks=True).records:
+                at = self._file.tell()
+                self._add(record, at)
+        except _DAMAGE as error:
+            self._add_cut(at)
+            if isinstance(error, EndOfFile):
+                raise DamageError(f"ends without a footer after {self._size} bytes") from error
+            raise DamageError(f"the record at byte {at}: {shortened(error)}") from error
 
-    def _count(self, op: int, fields: _Fields, content: bytes) -> bool:
+    def _add(self, record: McapRecord, end: int) -> None:
+        """Note one record of the file, which ends there."""
+        if isinstance(record, Chunk):
+            before = self.count
+            size = struct.calcsize("<QQQIIQ") + len(record.compression) + len(record.data)
+            for inner in self._inside(record, end - size):
+                self._count(inner)
+            if self.count > before:
+                times = record.message_start_time, record.message_end_time
+                self._blocks.append(Block(*times, end - size, 0))
+        elif self._count(record) and isinstance(record, Message):
+            size = struct.calcsize("<HIQQ") + len(record.data)
+            self._blocks.append(Block(record.log_time, record.log_time, end - size, size))
+
+    def _add_cut(self, at: int) -> None:
+        """Note the chunk that is cut off at the end of the file: its first part is there."""
+        self._file.seek(at)
+        header = self._file.read(HEADER)
+        is_chunk = len(header) == HEADER and header[0] == Opcode.CHUNK
+        if is_chunk and at + HEADER + int.from_bytes(header[1:], "little") > self._size:
+            self._cut = at + HEADER
+            self._add(self._chunk(at + HEADER), self._size)
+
+    def _count(self, record: McapRecord) -> bool:
         """Note one record of the data; whether it is a message of diagnostics."""
-        if op != MESSAGE:
-            self._note(op, fields)
+        if not isinstance(record, Message):
+            self._note(record)
             return False
-        channel, _number, at, _published = _message.unpack_from(content)
-        self._times = min(self._times[0] or at, at), max(self._times[1], at)
-        self.count += channel in self._channels
-        return channel in self._channels
+        self._times = (
+            min(self._times[0] or record.log_time, record.log_time),
+            max(self._times[1], record.log_time),
+        )
+        self.count += record.channel_id in self._channels
+        return record.channel_id in self._channels
 
-    def _note(self, op: int, fields: _Fields) -> None:
-        if op == SCHEMA:
-            schema = fields.number("H")
-            self._types[schema] = fields.text()
-        elif op == CHANNEL:
-            number, kind = fields.number("H"), self._types.get(fields.number("H"), "")
-            topic, encoding = fields.text(), fields.text()
+    def _note(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._types[record.id] = record.name
+        elif isinstance(record, Channel):
+            kind = self._types.get(record.schema_id, "")
+            topic, encoding = record.topic, record.message_encoding
             if kind not in (TYPE, ROS1_TYPE):
                 self.others[topic] = kind or encoding
             elif encoding in _ENCODINGS:
-                self._channels[number] = topic, _ENCODINGS[encoding]
+                self._channels[record.id] = topic, _ENCODINGS[encoding]
             else:
                 warning = f"{self._path}: {topic} is encoded as {encoding}, not read"
                 if warning not in self.warnings:
@@ -191,44 +183,33 @@ class McapFile:
 
     # -- records -------------------------------------------------------------------------------
 
-    def _records(self, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
-        """(kind, offset and size of the content) of each record."""
-        at = begin
-        while at < end:
-            op, size = _record.unpack(self._bytes(at, _record.size))
-            at += _record.size
-            left = self._size - at
-            if op == CHUNK or size <= left:
-                yield op, at, min(size, left)
-            if size > left:
-                raise DamageError(f"the record at byte {at - _record.size} is cut off")
-            at += size
-
-    def _bytes(self, at: int, size: int) -> bytes:
-        self._file.seek(at)
-        content = self._file.read(size)
-        if len(content) < size:
-            raise DamageError(f"ends at byte {at + len(content)}, within a record")
-        return content
-
-    def _inside(self, at: int, size: int) -> Iterator[tuple[int, _Fields, bytes]]:
-        """The records of a chunk, which is checked before; of one that is cut off the first."""
-        content = self._bytes(at, size)
+    def _chunk(self, at: int) -> Chunk:
+        """The chunk whose content begins there; of one that is cut off what there is."""
         try:
-            yield from _unpacked(content)
-        except (struct.error, ValueError, zstd.ZstdError) as error:
+            self._file.seek(at)
+            return Chunk.read(ReadDataStream(self._file))
+        except _DAMAGE as error:
+            raise DamageError(f"the chunk at byte {at}: {shortened(error)}") from error
+
+    def _inside(self, chunk: Chunk, at: int) -> list[McapRecord]:
+        """The records of a chunk whose content begins there; of the one that is cut off the first.
+
+        Raises:
+            DamageError: its content is not what was written.
+        """
+        if at == self._cut:
+            return _first_records(chunk)
+        try:
+            return list(breakup_chunk(chunk, validate_crc=True))
+        except _DAMAGE as error:
             raise DamageError(f"the chunk at byte {at}: {shortened(error)}") from error
 
     def attachments(self) -> dict[str, bytes]:
-        """The files in it by name. Raises DamageError or struct.error where it is damaged."""
-        found = {}
-        for op, at, size in self._records(len(MAGIC), self._size - len(MAGIC)):
-            if op == ATTACHMENT:
-                fields = _Fields(self._bytes(at, size))
-                fields.bytes(16)  # times
-                name, _media_type = fields.text(), fields.text()
-                found[name] = fields.bytes(fields.number("Q"))
-        return found
+        """The files in it by name. Raises DamageError where it is damaged."""
+        try:
+            return {each.name: each.data for each in self._reader.iter_attachments()}
+        except _DAMAGE as error:
+            raise DamageError(shortened(error)) from error
 
     # -- messages ------------------------------------------------------------------------------
 
@@ -240,8 +221,8 @@ class McapFile:
             for block in self._blocks:
                 while waiting and waiting[0][0] < block.begin:
                     yield self._row(heappop(waiting))
-                for channel, at, data in self._messages_of(block):
-                    heappush(waiting, (at, number, channel, data))
+                for message in self._messages_of(block):
+                    heappush(waiting, (message.log_time, number, message.channel_id, message.data))
                     number += 1
         except DamageError as damage:
             self._warn(f"{damage}, after {number} messages")
@@ -253,62 +234,35 @@ class McapFile:
         topic, encoding = self._channels[channel]
         return at / 1e9, topic, encoding(plain(data))
 
-    def _messages_of(self, block: Block) -> Iterator[tuple[int, int, bytes]]:
-        """(channel, time, bytes) of the diagnostics in it."""
-        if block.op == MESSAGE:
-            contents = [self._bytes(block.at, block.size)]
+    def _messages_of(self, block: Block) -> Iterator[Message]:
+        """The diagnostics in it."""
+        records: Iterable[McapRecord]
+        if block.size:
+            self._file.seek(block.at)
+            records = [Message.read(ReadDataStream(self._file), block.size)]
         else:
-            found = self._inside(block.at, block.size)
-            contents = [content for op, _fields, content in found if op == MESSAGE]
-        for content in contents:
-            channel, _number, at, _published = _message.unpack_from(content)
-            if channel in self._channels:
-                yield channel, at, content[_message.size :]
+            records = self._inside(self._chunk(block.at), block.at)
+        for record in records:
+            if isinstance(record, Message) and record.channel_id in self._channels:
+                yield record
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
 
-def _unpacked(chunk: bytes) -> Iterator[tuple[int, _Fields, bytes]]:
-    """The records in the content of a chunk.
-
-    Raises:
-        ValueError, struct.error, ZstdError: it is damaged.
-    """
-    _begin, _end, size, checksum = _chunk.unpack_from(chunk)
-    fields = _Fields(chunk[_chunk.size :])
-    compression, whole = fields.text(), fields.number("Q")
-    data = fields.bytes(whole)
-    content = _decompressed(compression, data, is_cut=len(data) < whole)
-    if len(data) == whole and (len(content) != size or checksum not in (0, crc32(content))):
-        raise ValueError("its content is not what was written")
-    at = _record.size
-    while at <= len(content):
-        op, length = _record.unpack_from(content, at - _record.size)
-        inner = content[at : at + length]
-        if len(inner) == length:
-            yield op, _Fields(inner), inner
-        elif len(data) == whole:
-            raise ValueError("a record in it is damaged")
-        at += length + _record.size
+def _first_records(chunk: Chunk) -> list[McapRecord]:
+    """The records of a chunk that is cut off, as far as they are there."""
+    content = chunk.data if not chunk.compression else b""
+    records: list[McapRecord] = []
+    with suppress(*_DAMAGE):  # where it is cut off
+        if chunk.compression == "zstd":
+            content = zstd.ZstdDecompressor().decompress(chunk.data)
+        records.extend(StreamReader(BytesIO(content), skip_magic=True).records)
+    return records
 
 
-def _decompressed(compression: str, data: bytes, *, is_cut: bool) -> bytes:
-    if compression == "zstd":
-        return zstd.ZstdDecompressor().decompress(data) if is_cut else zstd.decompress(data)
-    if compression == "lz4":
-        try:
-            from lz4.frame import decompress  # noqa: PLC0415 - an extra
-        except ImportError as error:
-            raise RecordingError(
-                f"a chunk compressed with lz4 needs the library lz4 ({error}): "
-                f"{install_command('backtest')}"
-            ) from error
-        try:
-            return b"" if is_cut else bytes(decompress(data))
-        except RuntimeError as error:  # what the library raises
-            raise ValueError(str(error)) from error
-    if compression:
-        raise ValueError(f"is compressed with {compression!r}, which is not known")
-    return data
+def _block(index: ChunkIndex) -> Block:
+    return Block(
+        index.message_start_time, index.message_end_time, index.chunk_start_offset + HEADER, 0
+    )

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.acknowledging import (
     silence,
 )
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.silences import Alert, Kind, Silence, valid
 from ros_diagnostics_exporter.texts import escape, one_line
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -145,27 +146,28 @@ def _acknowledge(
 ) -> list[dict[str, Any]]:
     """Acknowledge what is wanted; what was done, each with its text."""
     start, done = datetime.now(timezone.utc), []
-    silences = client.get("/api/v2/silences")
+    silences = _silences(client)
     for problem in _find(client, wanted):
         if (before := acknowledged(problem, silences)) is not None:
-            text = f"{problem.name} is already acknowledged by {before['createdBy']}"
+            text = f"{problem.name} is already acknowledged by {before.author}"
             done.append(_done(problem, before, text))
             continue
         body = silence(problem, author, comment, start, lasts)
-        made = client.post("/api/v2/silences", body)
+        answer = client.post("/api/v2/silences", body)
+        made = Silence.model_validate({**body, "id": (answer or {}).get("silenceID", "")})
         since = f" since {_second(problem.since)}," if problem.since else ""
-        text = f"acknowledged: {problem.name} {problem.state}{since} until {_minute(body)} UTC"
+        text = f"acknowledged: {problem.name} {problem.state}{since} until {_minute(made)} UTC"
         at_most = " at the latest" if problem.since else ""
-        done.append(_done(problem, {**body, "id": (made or {}).get("silenceID")}, text + at_most))
+        done.append(_done(problem, made, text + at_most))
     return done
 
 
 def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     """Take the acknowledgements back of what is wanted."""
-    silences, done = client.get("/api/v2/silences"), []
+    silences, done = _silences(client), []
     for problem in _find(client, wanted):
         while (found := acknowledged(problem, silences)) is not None:
-            client.delete(f"/api/v2/silence/{quote(found['id'], safe='')}")
+            client.delete(f"/api/v2/silence/{quote(found.id, safe='')}")
             silences.remove(found)
             text = f"no longer acknowledged: {problem.name} {problem.state}"
             done.append(_done(problem, found, text))
@@ -174,25 +176,29 @@ def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     return done
 
 
-def _done(problem: Acknowledgeable, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+def _done(problem: Acknowledgeable, silenced: Silence, text: str) -> dict[str, Any]:
     return {**_fields(problem, silenced), "text": one_line(text)}
 
 
-def _fields(problem: Acknowledgeable, silenced: dict[str, Any]) -> dict[str, Any]:
+def _fields(problem: Acknowledgeable, silenced: Silence | None) -> dict[str, Any]:
     return {
         "fleet": problem.labels.get("fleet", ""),
         "part": problem.part,
         "state": problem.state,
         "since": problem.since,
-        "author": silenced.get("createdBy"),
-        "comment": silenced.get("comment"),
-        "until": silenced.get("endsAt"),
-        "silence": silenced.get("id"),
+        "author": None if silenced is None else silenced.author,
+        "comment": None if silenced is None else silenced.words,
+        "until": None if silenced is None else _until(silenced).isoformat(timespec="milliseconds"),
+        "silence": None if silenced is None else silenced.id,
     }
 
 
-def _minute(silenced: dict[str, Any]) -> str:
-    return str(silenced["endsAt"])[:16].replace("T", " ")
+def _until(silenced: Silence) -> datetime:
+    return datetime.fromtimestamp(silenced.ends_at, timezone.utc)
+
+
+def _minute(silenced: Silence) -> str:
+    return f"{_until(silenced):%Y-%m-%d %H:%M}"
 
 
 def _second(since: str) -> str:
@@ -221,9 +227,9 @@ def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:
 
 def _list(client: Client, fleet: str | None, output: str) -> None:
     """Print what the firing alerts are about, and who has acknowledged each."""
-    silences, table = client.get("/api/v2/silences"), make_table(*COLUMNS)
+    silences, table = _silences(client), make_table(*COLUMNS)
     known = [
-        _fields(problem, acknowledged(problem, silences) or {})
+        _fields(problem, acknowledged(problem, silences))
         for problem in problems(_alerts(client, fleet))
     ]
     if output == "json":
@@ -235,9 +241,17 @@ def _list(client: Client, fleet: str | None, output: str) -> None:
     make_console().print(table)
 
 
-def _alerts(client: Client, fleet: str | None) -> list[dict[str, Any]]:
+def _alerts(client: Client, fleet: str | None) -> list[Alert]:
     query = [("filter", f'fleet="{escape(fleet)}"')] if fleet else []
-    alerts = client.get("/api/v2/alerts" + (f"?{urlencode(query)}" if query else ""))
-    if not isinstance(alerts, list):
-        raise UnreachableError(f"{client.url} is not an Alertmanager")
-    return alerts
+    return _listed(client, Alert, "/api/v2/alerts" + (f"?{urlencode(query)}" if query else ""))
+
+
+def _silences(client: Client) -> list[Silence]:
+    return _listed(client, Silence, "/api/v2/silences")
+
+
+def _listed(client: Client, kind: type[Kind], path: str) -> list[Kind]:
+    try:
+        return valid(kind, client.get(path))
+    except ValueError as error:
+        raise UnreachableError(f"{client.url} is not an Alertmanager") from error

@@ -6,7 +6,7 @@ and ``why`` show who planned it, and why.
 """
 
 # A downtime is a silence of the escalation in Alertmanager, as an acknowledgement is, which
-# exporters read (see alertmanager.py): all of a pair follow it, and it outlives any restart.
+# exporters read (see silences.py): all of a pair follow it, and it outlives any restart.
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ from urllib.parse import quote, urlencode
 
 import click
 
-from ros_diagnostics_exporter.alertmanager import (
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.model import Downtime
+from ros_diagnostics_exporter.severity import clock
+from ros_diagnostics_exporter.silences import (
     COMMENT_LENGTH,
     ESCALATION,
     NAME_LENGTH,
+    Silence,
     clean,
     downtime_matchers,
     downtime_of,
     silence,
+    valid,
 )
-from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.model import Downtime
-from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.pairs import NamedPair
@@ -279,15 +281,15 @@ def _planned(client: Client, fleet: str | None) -> list[Planned]:
     query = [("filter", f'alertname="{ESCALATION}"')]
     if fleet:
         query.append(("filter", f'fleet="{escape(fleet)}"'))
-    silences = client.get(f"/api/v2/silences?{urlencode(query)}")
-    if not isinstance(silences, list):
-        raise UnreachableError(f"{client.url} is not an Alertmanager")
-    found = []
-    for each in silences:
-        downtime = downtime_of(each)
-        if downtime is not None:
-            matched = {of["name"]: of["value"] for of in each["matchers"]}
-            found.append(Planned(each["id"], matched["fleet"], downtime))
+    try:
+        silences = valid(Silence, client.get(f"/api/v2/silences?{urlencode(query)}"))
+    except ValueError as error:
+        raise UnreachableError(f"{client.url} is not an Alertmanager") from error
+    found = [
+        Planned(each.id, matched["fleet"], downtime)
+        for each in silences
+        if (downtime := downtime_of(each)) is not None and (matched := each.exact()) is not None
+    ]
     return sorted(found, key=lambda each: (each.downtime.start, each))
 
 

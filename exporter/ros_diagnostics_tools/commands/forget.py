@@ -10,6 +10,11 @@ from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
+ALONE = (
+    "Only this exporter has forgotten it, as it reaches no Alertmanager: repeat it at each other "
+    "exporter of the fleet, with --url."
+)
+
 
 @click.command(epilog='Example: ros-diagnostics forget robot_3 "Motor 1"')
 @click.argument("robot")
@@ -18,6 +23,8 @@ from ros_diagnostics_tools.terminal import print_json, with_output
 @with_servers
 def command(servers: Servers, output: str, robot: str, component: str | None) -> None:
     """Remove ROBOT, or its COMPONENT, that is gone for good: its faults end.
+
+    All exporters of the fleet that read the same Alertmanager remove it.
 
     It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
     """
@@ -28,3 +35,5 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
     else:
         name = one_line(" ".join(query.values()))
         print(f"forgotten: {name}, {found['forgotten']} components")  # noqa: T201
+        if not found["passed_on"]:
+            print(ALONE)  # noqa: T201

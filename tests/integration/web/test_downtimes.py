@@ -10,7 +10,7 @@ from http.server import BaseHTTPRequestHandler
 
 import pytest
 
-from ros_diagnostics_exporter.alertmanager import downtime_matchers, silence
+from ros_diagnostics_exporter.silences import downtime_matchers, silence
 from support.loopback import answering
 from testbed.polling import until
 

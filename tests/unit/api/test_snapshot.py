@@ -6,7 +6,6 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.api.snapshot import (
     Care,
     faults,
@@ -27,6 +26,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.model import Array, Downtime, Status, Topic
 from ros_diagnostics_exporter.notifications import key_of
 from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 from support.state_driver import ERROR, OK, STALE, WALL, StateDriver, tree
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.events import Event as LoggedEvent
 from ros_diagnostics_exporter.events import EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import Identity, Scope, State, fault_id
+from ros_diagnostics_exporter.faults.model import fault_of
 from ros_diagnostics_exporter.severity import span
 from support.web_server import downtime, problem, robot
 
@@ -194,26 +194,22 @@ def find():
         (410.0, "fault_began", "r", named | {"since": 400.0}),
         (500.0, "robot", "r", {"after": "silent"}),
     ):
-        log.record(LoggedEvent(time, kind, robot_name, **more))
+        event = LoggedEvent(time, kind, robot_name, **more)
+        if event.since is not None:
+            event = replace(event, fault=fault_of("f", "x", asdict(event)))
+        log.record(event)
     return lambda **wanted: list(log.find(Wanted(**wanted)))
 
 
 def test_the_history_of_a_fault_is_of_its_id(find):
-    fleet = Fleet("f", exporter="x")
-    [newest] = find(kind="fault_began", robot="r", limit=1)
-    of = {"robot": "r", "group": "/Motor", "component": "Motor 2"}
-    identity = Identity(Scope.COMPONENT, State.CRITICAL, **of)
-    assert fault_of(fleet, newest) == fault_id("f", "x", identity)
-    assert fault_of(fleet, newest | {"scope": "of another version"}) == ""
-
-    last, first = history(find, lambda each: fault_of(fleet, each) == fault_of(fleet, newest))
+    last, first = history(find, fault_of("f", "x", find(kind="fault_began", robot="r", limit=1)[0]))
 
     assert (last["since"], last["until"]) == (400.0, None)
     assert (first["since"], first["until"], first["reason"]) == (100.0, 300.0, "recovered")
     assert [each["author"] for each in first["acknowledged"]] == ["ann"]
     assert [each["receiver"] for each in first["notified"]] == ["email"]
-    assert history(find, lambda _each: False) == []
-    (only,) = history(find, lambda each: each.get("robot") == "other")
+    assert history(find, "0123456789ab") == []
+    (only,) = history(find, find(robot="other")[0]["fault"])
     assert (only["since"], only["until"]) == (200.0, None)
 
 

@@ -11,7 +11,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_diagnostics_exporter.capsules.capsules import Capsules
-from ros_diagnostics_exporter.capsules.mcap import SCHEMAS
+from ros_diagnostics_exporter.capsules.schemas import SCHEMAS
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.events import Event

@@ -6,9 +6,8 @@ import io
 import json
 import os
 import random
-import struct
-from binascii import crc32
-from contextlib import closing
+import resource
+from contextlib import closing, contextmanager
 from dataclasses import replace
 
 import pytest
@@ -236,6 +235,41 @@ def test_one_that_cannot_be_written_is_not_tried_again(capsules, tmp_path):
     capsules.turn(at(111))
 
 
+@contextmanager
+def full_disk(room):
+    """The real error of real writes: no file may be larger than ``room`` bytes."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limit[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+
+
+def test_one_that_cannot_be_written_whole_leaves_nothing_and_hinders_no_other(capsules, tmp_path):
+    """The first is of a robot with much, the second of one with little."""
+    large, small = TOPICS
+    capsules._topics = lambda robot: (large,) if robot == "r" else (small,)
+    noise = random.Random(1)
+    for second in range(60, 110):
+        capsules.rings.receive(Stream(large), b"\0\1\0\0" + noise.randbytes(600), at(second))
+    receive(capsules.rings, small, range(100, 102))
+    for fault, robot in ((FAULT, "r"), ("ba9876543210", "s")):
+        capsules.note(fault, replace(BEGAN, robot=robot), at(100))
+    with full_disk(7_000), pytest.raises(OSError, match="File too large"):
+        capsules.turn(at(110))
+
+    assert [each.name[:12] for each in (tmp_path / "kept").iterdir()] == ["ba9876543210"]
+    capsules.turn(at(111))
+
+
+def test_what_a_killed_exporter_left_unfinished_is_removed(capsules, tmp_path):
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / f"{FAULT}-1.part").write_bytes(b"half")
+    capsules.turn(at(1))
+    assert list((tmp_path / "kept").iterdir()) == []
+
+
 def test_only_the_exporters_user_may_read_them(capsules, tmp_path):
     receive(capsules.rings, TOPICS[0], range(111))
     capsule(capsules)
@@ -256,14 +290,6 @@ def test_a_text_that_is_no_unicode_does_not_lose_it(capsules):
     capsules.turn(at(110))
     fault, _fleet = opened(capsules.read(FAULT, at(110))).iter_attachments()
     assert json.loads(fault.data)["evidence"] == ["motor: ?"]
-
-
-def test_the_checksum_of_an_attachment_is_of_all_its_fields(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    content = capsule(capsules)
-    for each in opened(content).get_summary().attachment_indexes:
-        record = content[each.offset : each.offset + each.length]
-        assert record[-4:] == struct.pack("<I", crc32(record[9:-4]))  # behind kind and length
 
 
 def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
@@ -321,6 +347,15 @@ def test_a_topic_has_no_more_memory_than_its_ring(capsules):
         rings.receive(Stream(TOPICS[0]), data, at(second))
         rings.compress()
         assert rings.size <= RING + 2 * rings_module.CHUNK
+
+
+def test_what_compresses_well_has_a_limit_as_it_is_decompressed(capsules):
+    """A capsule of a megabyte of zeros ten times a second would take a long time to be written."""
+    for second in range(40):
+        capsules.rings.receive(Stream(TOPICS[0]), b"\0\1\0\0" + bytes(1 << 20), at(second))
+        capsules.rings.compress()
+    chunks = capsules.rings.get(Stream(TOPICS[0])).chunks(0, 1 << 63)
+    assert sum(chunk.size for chunk in chunks) <= rings_module.PLAIN + (1 << 21)
 
 
 def test_a_topic_of_which_more_is_kept_has_more_memory():
@@ -414,14 +449,3 @@ def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_pa
     assert "too short to know: the capsule shows 20s of the trouble" in err
     assert "confirmed after 2m" in err
     assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]
-
-
-def test_no_two_topics_have_one_channel_also_after_one_was_forgotten():
-    rings, third = Rings(), TOPICS[1]._replace(name="/third/diagnostics")
-    for topic in TOPICS[:2]:
-        receive(rings, topic, range(2))
-    rings.compress()
-    rings.follow({TOPICS[1]}, set())
-    receive(rings, third, range(2))
-    rings.compress()
-    assert rings.get(Stream(TOPICS[1])).channel != rings.get(Stream(third)).channel

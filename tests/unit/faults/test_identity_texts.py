@@ -10,7 +10,7 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     as_texts,
     fault_id,
-    identity_of,
+    fault_of,
 )
 
 
@@ -29,8 +29,17 @@ from ros_diagnostics_exporter.faults.model import (
     ],
     ids=str,
 )
-def test_the_texts_of_an_identity_give_it_again(identity):
-    assert identity_of(as_texts(identity, {"site": "yard"})) == identity
+def test_the_texts_of_an_identity_give_its_id(identity):
+    texts = as_texts(identity, {"site": "yard"})
+    assert fault_of("f", "x", texts) == fault_id("f", "x", identity)
+    without_empty = {name: text for name, text in texts.items() if text}
+    assert fault_of("f", "x", without_empty) == fault_id("f", "x", identity)
+
+
+@pytest.mark.parametrize("texts", [{}, {"scope": "rocket", "state": "critical"}])
+def test_texts_of_another_version_have_no_id(texts):
+    with pytest.raises((LookupError, ValueError)):
+        fault_of("f", "", texts)
 
 
 def test_the_id_of_a_fault_is_the_same_for_ever():

@@ -6,7 +6,6 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.faults.model import (
     End,
@@ -22,6 +21,7 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import FaultText
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.notifications import key_of
+from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')

@@ -8,12 +8,13 @@ from dataclasses import replace
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from ros_diagnostics_exporter import alertmanager
-from ros_diagnostics_exporter.alertmanager import IDENTITY, clean, identity_of, moment, read
+from ros_diagnostics_exporter import silences
 from ros_diagnostics_exporter.faults.model import Fault, State
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition, FaultText
 from ros_diagnostics_exporter.model import Part, Status
+from ros_diagnostics_exporter.silences import IDENTITY, clean, identity_of, moment
+from support.as_listed import read
 from support.silences import BEGAN, FAULT, LABELS, MOTOR, listed
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
@@ -77,7 +78,7 @@ def test_the_newest_come_last():
 
 
 def test_no_more_are_kept_than_a_fleet_can_have(monkeypatch):
-    monkeypatch.setattr(alertmanager, "MOST", 3)
+    monkeypatch.setattr(silences, "MOST", 3)
     many = [
         listed(
             labels={"component": f"Motor {number}"}, startsAt=f"2026-01-01T10:{number:02}:00.000Z"

@@ -11,12 +11,12 @@ from ros_diagnostics_exporter.acknowledging import (
     acknowledge,
     cancel_downtime,
     plan_downtime,
-    problems,
     silence,
 )
-from ros_diagnostics_exporter.alertmanager import read, read_downtimes
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.silences import Alert, Silence, valid
+from support.as_listed import problems, read, read_downtimes
 from support.silences import BEGAN, FAULT, LABELS, SINCE, listed
 
 NOW = BEGAN + 300.0
@@ -33,10 +33,10 @@ class FakeAlertmanager:
         self.ended: list[str] = []
 
     def alerts(self, _fleet: str) -> list[Any]:
-        return self._alerts
+        return valid(Alert, self._alerts)
 
     def silences(self, _fleet: str) -> list[Any]:
-        return self._silences
+        return valid(Silence, self._silences)
 
     def end(self, silence: str) -> None:
         self.ended.append(silence)
@@ -84,6 +84,7 @@ def test_it_is_the_silence_that_the_command_makes_but_for_steps_that_were_sent()
     [
         [],
         [alert("2026-01-01 11:00:00.123 +0000 UTC")],  # a later one of the same part
+        [alert("yesterday")],  # anybody may have posted it
         [alert(component="Motor 2"), alert(fleet="g"), alert(robot="s"), alert(state="warning")],
     ],
 )

@@ -16,9 +16,10 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.alertmanager import Alertmanager, downtime_matchers, silence
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.silences import downtime_matchers, silence
 from support.silences import MADE, MOTOR, listed
 
 NOW = Instant(100.0, MOTOR.at + 60)
@@ -177,7 +178,13 @@ def test_the_password_is_read_from_its_file_at_each_look(server, tmp_path):
 
 
 ID = "0b8f1c52-52d5-4a11-9f1a-7fd8c9a1e0aa"
-SILENCE = {"createdBy": "ann\n", "comment": "on it", "endsAt": "2026-01-31T10:05:00.250Z"}
+SILENCE = {
+    "createdBy": "ann\n",
+    "comment": "on it",
+    "matchers": [],
+    "startsAt": "2026-01-01T10:05:00.250Z",
+    "endsAt": "2026-01-31T10:05:00.250Z",
+}
 
 
 def alert(name: str, state: str = "active", **status: list[str]) -> dict[str, Any]:

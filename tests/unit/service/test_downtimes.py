@@ -9,11 +9,11 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from ros_diagnostics_exporter import alertmanager
-from ros_diagnostics_exporter.alertmanager import read, read_downtimes
+from ros_diagnostics_exporter import silences
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.commands import downtime
 from ros_diagnostics_tools.main import main
+from support.as_listed import read, read_downtimes
 from support.silences import listed
 from support.web_server import component, fleet, robot
 
@@ -233,14 +233,14 @@ def test_a_silence_that_matches_something_else_is_none(servers, matcher):
 
 
 def test_of_too_many_those_in_force_and_the_next_ones_are_kept(monkeypatch):
-    monkeypatch.setattr(alertmanager, "MOST", 3)
+    monkeypatch.setattr(silences, "MOST", 3)
     now = datetime.now(timezone.utc)
     hours = [48, -1, 24, 1, -2]  # until they begin
-    silences = [
+    made = [
         {
             "status": {"state": "active" if each < 0 else "pending"},
-            **alertmanager.silence(
-                alertmanager.downtime_matchers("hall", f"robot_{each}", ""),
+            **silences.silence(
+                silences.downtime_matchers("hall", f"robot_{each}", ""),
                 now + timedelta(hours=each),
                 now + timedelta(hours=100),
                 "ann",
@@ -250,5 +250,5 @@ def test_of_too_many_those_in_force_and_the_next_ones_are_kept(monkeypatch):
         for each in hours
     ]
 
-    found = read_downtimes(silences, "hall")
+    found = read_downtimes(made, "hall")
     assert [each.robot for each in found] == ["robot_-2", "robot_-1", "robot_1"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
-from ros_diagnostics_exporter.firing import read
+from support.as_listed import read_firing
 
 MOTOR = {
     "alertname": "RosDiagnosticsComponentCritical",
@@ -37,16 +37,16 @@ def test_an_alert_is_the_fault_that_it_was_made_of():
     )
     labels = {"site": "hall", "team": "arms"}
     expected = Fault(identity, 1767261600.5, 1767261612.5, labels, "over current")
-    assert read([alert(MOTOR)], "f", "north") == [expected]
+    assert read_firing([alert(MOTOR)], "f", "north") == [expected]
 
 
 def test_a_fault_of_no_robot_is_that_of_the_exporter_of_its_name():
-    (found,) = read([alert(SITE)], "f", "")
+    (found,) = read_firing([alert(SITE)], "f", "")
     assert (found.identity, dict(found.labels)) == (
         Identity(Scope.SITE, State.SILENT, site="hall"),
         {},
     )
-    assert read([alert({**SITE, "exporter": "south"}), alert(SITE)], "f", "north") == []
+    assert read_firing([alert({**SITE, "exporter": "south"}), alert(SITE)], "f", "north") == []
 
 
 @pytest.mark.parametrize(
@@ -66,4 +66,4 @@ def test_a_fault_of_no_robot_is_that_of_the_exporter_of_its_name():
     ],
 )
 def test_what_the_rules_do_not_make_is_skipped(wrong):
-    assert read([wrong], "f", "") == []
+    assert read_firing([wrong], "f", "") == []

@@ -32,7 +32,9 @@ class Parts:
         self.state = FleetState(Fleet("f", declared, limits=Limits(series=1000)), at(0))
         self.listener = SimpleNamespace(domain_ids=(7,), errors={}, last_looks={7: WALL + 1e6})
         self.reloader = SimpleNamespace(successful=True)
-        self.storage: Any = SimpleNamespace(successful=True, written_at=WALL + 1)
+        self.storage: Any = SimpleNamespace(
+            successful=True, written_at=WALL + 1, is_crowded=False, crowded_reason="no room"
+        )
         self.alertmanager: Any = SimpleNamespace(answers=lambda _now: True)
         self.exposition = SimpleNamespace(series={"a": 800, "b": 100})
         self.loop = SimpleNamespace(name="unmatched", last_turn=WALL + 1e6, interval=60.0)
@@ -77,6 +79,14 @@ def test_each_message_names_the_host_as_the_halves_of_a_pair_have_one_name(parts
     assert report.level is WARN
     assert report.message.startswith("it cannot be written")
     assert report.message.endswith(f";\non host {HOST}")
+
+
+def test_a_database_without_room_for_events_is_a_fault(parts):
+    parts.storage.is_crowded = True
+    report = parts.report("database")
+    assert (report.level, report.message) == (WARN, f"no room;\non host {HOST}")
+    parts.storage.successful = False
+    assert parts.report("database").message.startswith("it cannot be written")
 
 
 def test_a_failed_reload(parts):

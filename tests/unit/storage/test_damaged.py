@@ -14,8 +14,8 @@ from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.model import Array, Status, Topic
-from ros_diagnostics_exporter.storage import storage
-from ros_diagnostics_exporter.storage.database import MAGIC, VersionError, is_damage
+from ros_diagnostics_exporter.storage import earlier
+from ros_diagnostics_exporter.storage.database import MAGIC, ForeignError, is_damage
 from support.state_driver import ERROR, OK, StateDriver
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
@@ -101,30 +101,36 @@ def test_a_database_with_other_tables_is_kept_aside(path, written, edit, caplog,
     after = written.restart(path)
     after.save()
 
-    what = "its tables are not those of this version"
+    what = "its tables are not those of its version"
     assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
     assert path.with_name("state.damaged-1").exists()
     assert after.storage.successful
 
 
-@pytest.mark.parametrize(
-    ("statement", "what"),
-    [
-        ("user_version = 4", "a database of version 4, and this exporter writes version 3; "),
-        ("user_version = 0", "a database of version 0, and this exporter writes version 3; "),
-        ("application_id = 1", "the database of another program"),
-    ],
-)
-def test_a_database_of_another_version_stays_and_stops_the_start(
-    path, written, edit, statement, what
-):
-    edit("PRAGMA journal_mode = DELETE", f"PRAGMA {statement}")
+def test_the_database_of_another_program_stays_and_stops_the_start(path, written, edit):
+    edit("PRAGMA journal_mode = DELETE", "PRAGMA application_id = 1")
     whole = path.read_bytes()
 
-    with pytest.raises(VersionError, match=re.escape(f"{path} is {what}")):
+    with pytest.raises(ForeignError, match=re.escape(f"{path} is the database of another program")):
         written.restart(path)
     assert path.read_bytes() == whole
     assert not path.with_name("state.damaged-1").exists()
+
+
+@pytest.mark.parametrize("version", [0, 9])
+def test_a_database_of_an_unknown_version_is_kept_aside_and_the_exporter_starts(
+    path, written, edit, caplog, version
+):
+    edit(f"PRAGMA user_version = {version}")
+    after = written.restart(path)
+    after.save()
+
+    what = f"it is of version {version}, and this exporter reads 2 to 4"
+    assert f"{path} cannot be used ({what}), 0 robots of it are restored" in caplog.text
+    assert f"it is kept as {path}.version-{version}-1" in caplog.text
+    assert after.storage.successful
+    with closing(sqlite3.connect(f"{path}.version-{version}-1")) as connection:
+        assert connection.execute("SELECT count(*) FROM robots").fetchone() == (3,)
 
 
 @pytest.mark.parametrize(
@@ -249,8 +255,8 @@ def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(path, c
 
 
 def test_of_a_damaged_file_the_newest_events_are_taken_over(path, written, caplog, monkeypatch):
-    assert storage.MAX_SALVAGED == 10_000
-    monkeypatch.setattr(storage, "MAX_SALVAGED", 2)
+    assert earlier.MAX_SALVAGED == 10_000
+    monkeypatch.setattr(earlier, "MAX_SALVAGED", 2)
     of_file = list(written.log.find(Wanted()))
     assert len(of_file) > 2
     with path.open("r+b") as file:

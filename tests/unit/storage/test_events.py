@@ -11,7 +11,9 @@ import pytest
 from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.storage.database import AgeClock, Changes, Database, Retention
+from ros_diagnostics_exporter.storage import database as database_module
+from ros_diagnostics_exporter.storage.database import Changes, Database
+from ros_diagnostics_exporter.storage.retention import AgeClock, Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
@@ -70,7 +72,8 @@ def record(driver: StateDriver, second: float, number: int, text: str = "") -> N
     driver.save()
 
 
-def test_old_events_go_by_age_and_size(path, content):
+def test_old_events_go_by_age_and_size(path, content, monkeypatch):
+    monkeypatch.setattr(database_module, "LEAST", 100)
     driver = StateDriver()
     driver.storage = Storage(path, Retention(seconds=100.0, size=200_000))
     for second in range(0, 1000, 20):
@@ -87,7 +90,33 @@ def test_old_events_go_by_age_and_size(path, content):
     assert content()["events"][-1][1] == driver.now.wall
 
 
-def test_only_events_that_are_too_old_or_too_many_go(path, content):
+def test_robots_that_need_all_of_the_size_leave_the_newest_events_and_say_so(
+    path, content, monkeypatch, caplog
+):
+    """They had none left, and said nothing."""
+    assert database_module.LEAST == 10_000
+    monkeypatch.setattr(database_module, "LEAST", 50)
+    driver = StateDriver()
+    driver.raw(*(Status(0, f"c{number}", "x" * 1000) for number in range(400)))
+    driver.storage = Storage(path, Retention(size=300_000))
+    for second in range(0, 100, 2):
+        record(driver, second, 10)
+        assert driver.storage.is_crowded
+
+    kept = [number for number, *_texts in content()["events"]]
+    assert kept == list(range(kept[-1] - 49, kept[-1] + 1))
+    limit = "--storage.retention.size (300,000 bytes)"
+    what = f"database {path}: what is kept of robots needs {limit}: only the newest"
+    assert caplog.text.count(what) == 1
+
+    driver.state.forget("r", None, driver.now)
+    for second in range(100, 110, 2):
+        record(driver, second, 1)
+    assert not driver.storage.is_crowded
+
+
+def test_only_events_that_are_too_old_or_too_many_go(path, content, monkeypatch):
+    monkeypatch.setattr(database_module, "LEAST", 0)
     database = Database(path)
     # The wall clock was set back once.
     old = [Event(0.0 if n == 700 else float(n), "config", message="x" * 200) for n in range(3000)]
@@ -188,4 +217,4 @@ def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
     record(driver, 4, 51)
     assert "1 events are lost" in caplog.text
     assert not caplog.records[-1].exc_info
-    assert '"message": "50 "' in content()["events"][-1][-1]
+    assert '"message": "50 "' in content()["events"][-1][-2]

@@ -13,7 +13,7 @@ from ros_diagnostics_exporter.storage.database import Changes, Database, find_ev
 
 EVENTS = [
     Event(10.0, "level", "r", "/Motor", "Motor 1", "OK", "ERROR"),
-    Event(20.0, "fault_began", "r", "/Motor", "Motor 1", since=10.0),
+    Event(20.0, "fault_began", "r", "/Motor", "Motor 1", since=10.0, fault="0123456789ab"),
     Event(30.0, "notified", "s", since=10.0),
     Event(40.0, "fault_began", "s", since=30.0),
 ]
@@ -38,7 +38,20 @@ def test_they_are_found_by_kind_robot_and_time(tmp_path):
     assert times(kind="fault_began", until=40.0) == [20.0]
     assert times(kind="fault_ended") == []
     assert times(kind="level") == [10.0]
+    assert times(fault="0123456789ab") == [20.0]
+    assert times(fault="0123456789ab", kind="fault_ended") == []
+    assert times(fault="fedcba987654") == []
     assert first_event(path) == 10.0
+
+
+def test_those_of_one_fault_are_found_by_its_index(tmp_path):
+    """A page of one fault, which every mail links, reads no event of another."""
+    with closing(sqlite3.connect(written(tmp_path / "db"))) as connection:
+        query = "SELECT id, data FROM events INDEXED BY events_of_fault WHERE id < 9 AND fault = ?"
+        plan = connection.execute(f"EXPLAIN QUERY PLAN {query} ORDER BY id DESC", ("x",)).fetchall()
+    assert [step[-1] for step in plan] == [
+        "SEARCH events USING INDEX events_of_fault (fault=? AND rowid<?)"
+    ]
 
 
 def test_a_database_of_an_earlier_exporter_gets_the_index_and_keeps_its_events(tmp_path):

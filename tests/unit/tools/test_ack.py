@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.alertmanager import read
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_tools.main import main
+from support.as_listed import read
 
 SINCE = "2026-01-01 10:00:00.123 +0000 UTC"
 SHOWN = "2026-01-01 10:00:00 UTC"

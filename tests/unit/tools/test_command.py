@@ -159,13 +159,18 @@ def test_faults_are_listed(serve, capsys, monkeypatch):
 
 def test_forget_names_the_robot_and_the_component(serve, capsys):
     asked = []
-    server = serve(forget=lambda *given: asked.append(given) or 2, lifecycle=True)
+    server = serve(
+        forget=lambda *given: asked.append(given) or (2, given[1] is None), lifecycle=True
+    )
     url = f"http://{server.addresses[0]}"
     assert main(["forget", "robot_1", "Motor 1", "--url", url]) == 0
     assert main(["forget", "robot_1", "--url", url, "--output", "json"]) == 0
     assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
     assert capsys.readouterr().out == (
-        'forgotten: robot_1 Motor 1, 2 components\n{\n  "forgotten": 2\n}\n'
+        "forgotten: robot_1 Motor 1, 2 components\n"
+        "Only this exporter has forgotten it, as it reaches no Alertmanager: repeat it at each"
+        " other exporter of the fleet, with --url.\n"
+        '{\n  "forgotten": 2,\n  "passed_on": true\n}\n'
     )
 
 

@@ -184,7 +184,7 @@ def test_reload_is_forbidden_unless_the_lifecycle_api_is_enabled(serve):
 
 def test_on_the_exporters_machine_a_person_may_forget_without_the_lifecycle_api(serve):
     called = []
-    server = serve(forget=lambda *names: called.append(names) or 1)
+    server = serve(forget=lambda *names: called.append(names) or (1, True))
     assert ask(server, "/-/forget?robot=a").status == 405
     proxied = ask(server, "/-/forget?robot=a", "POST", X_Forwarded_For="192.0.2.7")
     assert (proxied.status, called) == (403, [])
@@ -232,11 +232,11 @@ def test_forget_removes_a_robot_or_a_component(serve):
         if name != "a":
             raise KeyError(f"no robot {name!r}")
         removed.append((name, part))
-        return 10
+        return 10, True
 
     server = serve(forget=forget, lifecycle=True)
     answer = ask(server, "/-/forget?robot=a&component=Motor%201", "POST")
-    assert json.loads(answer.body) == {"forgotten": 10}
+    assert json.loads(answer.body) == {"forgotten": 10, "passed_on": True}
     assert ask(server, "/-/forget?robot=a", "POST").status == 200
     assert removed == [("a", "Motor 1"), ("a", None)]
     missing = ask(server, "/-/forget?robot=x", "POST", X_Forwarded_For="192.0.2.7")
@@ -247,7 +247,9 @@ def test_forget_removes_a_robot_or_a_component(serve):
 def test_a_change_is_visible_at_once(serve):
     known = [robot("a")]
     server = serve(
-        fleet_snapshot=lambda: fleet(*known), forget=lambda *_: known.pop() and 1, lifecycle=True
+        fleet_snapshot=lambda: fleet(*known),
+        forget=lambda *_: (len([known.pop()]), True),
+        lifecycle=True,
     )
     assert b'"a"' in ask(server, "/api/v1/fleet").body
     assert ask(server, "/-/forget?robot=a", "POST").status == 200

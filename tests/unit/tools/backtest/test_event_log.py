@@ -171,7 +171,7 @@ def test_a_log_that_cannot_be_judged_is_an_error_that_says_why(tmp_path):
 
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("PRAGMA user_version = 9")
-    assert error(path) == f"{path}: has version 9, and this program reads 3"
+    assert error(path) == f"{path}: has version 9, and this program reads 4"
 
     path = write_log(tmp_path / "cut.db", [Event(BEGIN, "robot", "r", after="received")])
     path.write_bytes(path.read_bytes()[:5000])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import shutil
 import sqlite3
 import struct
@@ -10,14 +11,19 @@ import zipfile
 from contextlib import closing
 
 import pytest
+from mcap.writer import CompressionType, Writer
 
 from ros_diagnostics_exporter import zstd
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_tools.backtest import ros1
-from ros_diagnostics_tools.backtest.formats import RecordingError
+from ros_diagnostics_tools.backtest import capsule, ros1
+from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError
+from ros_diagnostics_tools.backtest.mcap import McapFile
 from ros_diagnostics_tools.backtest.recordings import Period, Recordings, RecordingSource
 from support.bags import BEGIN, TOPIC, every_second, ros1_array, write_bag, write_ros1
+from testbed.configuration import CHECKOUT
+from virtual_robots.model import Status as EncodedStatus
 from virtual_robots.recording.bags import STATUS
+from virtual_robots.recording.cdr import encode_array
 
 
 def opened(*paths):
@@ -95,6 +101,64 @@ def test_a_damaged_mcap_is_read_up_to_the_damage(tmp_path, content):
     assert (2090 if content is None else 900) < len(seconds) < 2110
     assert warning.startswith(f"{file}: is damaged and read up to there: ")
     assert warning.endswith("; `mcap recover bag.mcap` writes what is whole of it")
+
+
+def write_mcap(path, compression, *, chunked):
+    """Thirty messages in several chunks, or in none, and an attachment."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1500, compression=compression, use_chunking=chunked)
+        writer.start("ros2")
+        schema = writer.register_schema(TYPE, "ros2msg", b"")
+        channel = writer.register_channel(TOPIC, "cdr", schema)
+        writer.add_attachment(1, 1, "fault.json", "application/json", b"{}")
+        for second in range(30):
+            at = round((BEGIN + second) * 1e9)
+            writer.add_message(channel, at, encode_array([MOTOR], BEGIN + second), at)
+        writer.finish()
+
+
+MOTOR = EncodedStatus(0, "motor", "x" * 100, "", ())
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+@pytest.mark.parametrize("compression", CompressionType)
+def test_an_mcap_of_any_compression_is_read_and_bytes_that_are_changed_stop_nothing(
+    tmp_path, compression, chunked
+):
+    path = tmp_path / "a.mcap"
+    write_mcap(path, compression, chunked=chunked)
+    assert read(path)[0] == list(range(30))
+    whole, chance = path.read_bytes(), random.Random(1)
+    for _ in range(100):
+        content = bytearray(whole)
+        for _ in range(chance.randint(1, 4)):
+            place = chance.randrange(8, len(content))
+            content[place] = chance.choice((0, 255, chance.randrange(256)))
+        if chance.random() < 0.3:
+            del content[chance.randrange(8, len(content)) :]
+        path.write_bytes(content)
+        with closing(McapFile(path)) as file:
+            assert len(list(file.messages())) <= 31
+        assert capsule.read(path) is None
+
+
+def test_of_the_chunk_that_is_cut_off_the_first_messages_are_read(tmp_path):
+    path = tmp_path / "a.mcap"
+    write_mcap(path, CompressionType.NONE, chunked=True)
+    whole, numbers = path.read_bytes(), set()
+    for length in range(len(whole) // 4, len(whole) // 2, 31):
+        path.write_bytes(whole[:length])
+        numbers.add(len(read(path)[0]))
+    assert numbers == set(range(min(numbers), max(numbers) + 1))
+
+
+def test_a_capsule_that_an_earlier_exporter_wrote_is_read():
+    path = CHECKOUT / "tests/data/capsule-0.2.mcap"
+    with closing(opened(path)) as recordings:
+        assert [each.at - 1.79e9 for each in recordings.messages()] == list(range(95, 110))
+        assert recordings.warnings == []
+    found = capsule.read(path)
+    assert (found.fault["fault"], b"name: r" in found.config) == ("0123456789ab", True)
 
 
 def test_an_mcap_that_was_not_closed_is_read_whole(tmp_path):

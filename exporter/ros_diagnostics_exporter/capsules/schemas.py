@@ -1,0 +1,130 @@
+"""The types of what capsules have, as `ros2 bag record` writes them: a type, then what it uses."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.sources.graph_messages import (
+    BATTERY_TYPE,
+    LOG_TYPE,
+    PARAMETERS_TYPE,
+    TRANSITION_TYPE,
+)
+
+RULE = "=" * 80
+_TIME = f"""{RULE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_STAMPED = f"""{RULE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_TIME}"""
+SCHEMAS = {
+    "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
+DiagnosticStatus[] status
+{_STAMPED}{RULE}
+MSG: diagnostic_msgs/DiagnosticStatus
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+byte level
+string name
+string message
+string hardware_id
+KeyValue[] values
+{RULE}
+MSG: diagnostic_msgs/KeyValue
+string key
+string value
+""",
+    LOG_TYPE: f"""uint8 DEBUG=10
+uint8 INFO=20
+uint8 WARN=30
+uint8 ERROR=40
+uint8 FATAL=50
+builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line
+{_TIME}""",
+    PARAMETERS_TYPE: f"""builtin_interfaces/Time stamp
+string node
+Parameter[] new_parameters
+Parameter[] changed_parameters
+Parameter[] deleted_parameters
+{_TIME}{RULE}
+MSG: rcl_interfaces/Parameter
+string name
+ParameterValue value
+{RULE}
+MSG: rcl_interfaces/ParameterValue
+uint8 type
+bool bool_value
+int64 integer_value
+float64 double_value
+string string_value
+byte[] byte_array_value
+bool[] bool_array_value
+int64[] integer_array_value
+float64[] double_array_value
+string[] string_array_value
+""",
+    TRANSITION_TYPE: f"""uint64 timestamp
+Transition transition
+State start_state
+State goal_state
+{RULE}
+MSG: lifecycle_msgs/Transition
+uint8 id
+string label
+{RULE}
+MSG: lifecycle_msgs/State
+uint8 id
+string label
+""",
+    BATTERY_TYPE: f"""uint8 POWER_SUPPLY_STATUS_UNKNOWN=0
+uint8 POWER_SUPPLY_STATUS_CHARGING=1
+uint8 POWER_SUPPLY_STATUS_DISCHARGING=2
+uint8 POWER_SUPPLY_STATUS_NOT_CHARGING=3
+uint8 POWER_SUPPLY_STATUS_FULL=4
+uint8 POWER_SUPPLY_HEALTH_UNKNOWN=0
+uint8 POWER_SUPPLY_HEALTH_GOOD=1
+uint8 POWER_SUPPLY_HEALTH_OVERHEAT=2
+uint8 POWER_SUPPLY_HEALTH_DEAD=3
+uint8 POWER_SUPPLY_HEALTH_OVERVOLTAGE=4
+uint8 POWER_SUPPLY_HEALTH_UNSPEC_FAILURE=5
+uint8 POWER_SUPPLY_HEALTH_COLD=6
+uint8 POWER_SUPPLY_HEALTH_WATCHDOG_TIMER_EXPIRE=7
+uint8 POWER_SUPPLY_HEALTH_SAFETY_TIMER_EXPIRE=8
+uint8 POWER_SUPPLY_TECHNOLOGY_UNKNOWN=0
+uint8 POWER_SUPPLY_TECHNOLOGY_NIMH=1
+uint8 POWER_SUPPLY_TECHNOLOGY_LION=2
+uint8 POWER_SUPPLY_TECHNOLOGY_LIPO=3
+uint8 POWER_SUPPLY_TECHNOLOGY_LIFE=4
+uint8 POWER_SUPPLY_TECHNOLOGY_NICD=5
+uint8 POWER_SUPPLY_TECHNOLOGY_LIMN=6
+uint8 POWER_SUPPLY_TECHNOLOGY_TERNARY=7
+uint8 POWER_SUPPLY_TECHNOLOGY_VRLA=8
+std_msgs/Header header
+float32 voltage
+float32 temperature
+float32 current
+float32 charge
+float32 capacity
+float32 design_capacity
+float32 percentage
+uint8 power_supply_status
+uint8 power_supply_health
+uint8 power_supply_technology
+bool present
+float32[] cell_voltage
+float32[] cell_temperature
+string location
+string serial_number
+{_STAMPED}""",
+}
