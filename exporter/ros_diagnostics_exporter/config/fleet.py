@@ -303,7 +303,9 @@ class Fleet(Entry, title="FleetFile"):
         default=None,
     )
     warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
-    sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
+    sources: tuple[Path, ...] = field(
+        default=(), compare=False
+    )  # the files and folders it is read from
 
     @property
     def longest_confirm_after(self) -> float:

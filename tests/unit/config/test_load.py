@@ -8,7 +8,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.capabilities import in_order
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.load import load, sources
+from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.queries import component_name
 
 MIXED = Path(__file__).parents[3] / "docs" / "examples" / "mixed-fleet" / "fleet.yml"
@@ -221,8 +221,9 @@ def test_a_list_of_many_warnings_is_cut(fleet_of):
 def test_sources_are_the_same_for_a_fleet_a_path_and_a_broken_file(fleet_of, tmp_path):
     path = tmp_path / "fleet.yml"
     expected = (path, *(tmp_path / f"{each}.d" for each in ("robots", "maintenance", "queries")))
-    assert sources(fleet_of(DEMO)) == sources(path) == expected
-    path.write_text("fleet: [")
-    assert sources(path) == (path,)
-    path.write_text("fleet: 3")
-    assert sources(path) == expected
+    assert fleet_of(DEMO).sources == load(path).sources == expected
+    for broken, read in (("fleet: [", (path,)), ("fleet: 3", expected)):
+        path.write_text(broken)
+        with pytest.raises(ConfigError) as caught:
+            load(path)
+        assert caught.value.sources == read
