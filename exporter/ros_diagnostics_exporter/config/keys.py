@@ -118,6 +118,8 @@ class Entry:
             extra="forbid", strict=True, allow_inf_nan=False, title=title or cls.__name__
         )
         for name, kind in inspect.get_annotations(cls).items():
+            if isinstance(kind, str):  # `keys_at` would find no keys in it
+                raise TypeError(f"{cls.__name__}.{name} has a type as text")
             of_key = getattr(cls.__dict__.get(name), "metadata", {}).get("info")
             cls.__annotations__[name] = Annotated[kind, of_key] if of_key else _NO_KEY
         found = {}
