@@ -5,7 +5,9 @@ import socket
 from pathlib import Path
 
 import pytest
+import yaml
 
+from ros_diagnostics_exporter.config import yaml_file
 from ros_diagnostics_exporter.config.capabilities import in_order
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
@@ -201,6 +203,13 @@ def test_a_list_of_many_problems_is_cut(fleet_of, problem, number, more):
     assert last.endswith("more problems, listed once these are fixed")
     assert len(str(caught.value)) < 20_000
     assert len(caught.value.text(3).splitlines()) == 4
+
+
+def test_too_many_values_are_rejected_before_they_take_memory(fleet_of, monkeypatch):
+    monkeypatch.setattr(yaml_file, "MAX_VALUES", 10)
+    monkeypatch.setattr(yaml, "compose", lambda *_arguments, **_more: pytest.fail("is composed"))
+    with pytest.raises(ConfigError, match=r"fleet.yml:3: has more than 10 keys and values"):
+        fleet_of("fleet: demo\nrobots: [{name: a},\n{name: b}, {name: c}, {name: d}]\n")
 
 
 def test_a_long_key_is_shortened(fleet_of):
