@@ -30,7 +30,7 @@ from ros_diagnostics_exporter.config.faults import (
     Site,
     WarningHours,
 )
-from ros_diagnostics_exporter.config.keys import Entry, Written, as_it_is, described, nothing
+from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
 from ros_diagnostics_exporter.config.patterns import Wildcards
 from ros_diagnostics_exporter.config.profiles import (
     ALL,
@@ -103,7 +103,7 @@ __all__ = [
     "topics_of",
 ]
 
-UnixTime = Annotated[float, Written(Moment, as_it_is)]  # of a time zone: `Maintenance.completed`
+UnixTime = Annotated[float, Written(Moment)]  # of a time zone: `Maintenance.completed`
 
 
 class Limits(Entry):
