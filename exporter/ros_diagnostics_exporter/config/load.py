@@ -6,7 +6,7 @@ Every call reads all files; nothing is cached.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -227,18 +227,18 @@ def resolved(
     items = [(("profiles", name), {} if each is None else each) for name, each in given.items()]
     entries = validate(document, items, Profile, problems)
     base = {"stale_is_critical": stale_is_critical, "checks": {ALL: {}}}
-    resolver = _Resolver({str(each.path[-1]): each for each in entries}, {*given, DEFAULT}, base)
+    by_name = {str(each.path[-1]): each for each in entries}
+    resolver = _Resolver(by_name, sorted({*given, DEFAULT}), base, problems)
     made = {
-        name: resolver.content(name) if name in resolver.entries else base
+        name: resolver.content(name) if name in by_name else base
         for name in dict.fromkeys((DEFAULT, *given))
     }
-    problems.extend(resolver.problems)
     default = Profile(stale_is_critical=stale_is_critical)
     profiles = {
         name: default if each is None else replace(validated(Profile, each), name=name)
         for name, each in made.items()
     }
-    problems.extend(_wrong_names(profiles, resolver.entries))
+    problems.extend(_wrong_names(profiles, by_name))
     return entries, profiles
 
 
@@ -262,25 +262,23 @@ def _wrong_names(
             yield placed.problem("capabilities", what=what, remedy=each[2])
 
 
+@dataclass(frozen=True)
 class _Resolver:
     """Merges profiles, each into the one that it extends."""
 
-    def __init__(
-        self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
-    ) -> None:
-        self.entries = entries
-        self.problems: list[Finding] = []
-        self._known = sorted(known)  # also those that are invalid
-        self._base = base
-        self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem
+    entries: Mapping[str, Placed[Profile]]
+    known: list[str]  # also those that are invalid
+    base: _Content
+    problems: list[Finding]
+    made: dict[str, _Content | None] = field(default_factory=dict)  # None: invalid
 
     def content(self, name: str, above: tuple[str, ...] = ()) -> _Content | None:
         """The merged content of a profile; `above` are the profiles that extend it."""
-        if name not in self._made:
+        if name not in self.made:
             placed = self.entries[name]
             parent = self._parent(name, placed, (*above, name))
-            self._made[name] = None if parent is None else self._merged(parent, placed)
-        return self._made[name]
+            self.made[name] = None if parent is None else self._merged(parent, placed)
+        return self.made[name]
 
     def _parent(
         self, name: str, placed: Placed[Profile], above: tuple[str, ...]
@@ -289,21 +287,21 @@ class _Resolver:
         if name == DEFAULT:
             if placed.data.get("extends"):
                 what = "the profile default cannot extend another"
-                self._problem(placed, "extends", what=what, remedy="remove extends")
-            return self._base
+                self.problems.append(placed.problem("extends", what=what, remedy="remove extends"))
+            return self.base
         if wanted in above:
             way = " -> ".join((*above[above.index(wanted) :], wanted))
             what = f"extends in a circle ({way})"
-            self._problem(placed, "extends", what=what, remedy="remove one extends")
+            self.problems.append(placed.problem("extends", what=what, remedy="remove one extends"))
             return None
         if wanted in self.entries:
             return self.content(wanted, above)
-        if wanted not in self._known:
+        if wanted not in self.known:
             what = f"there is no profile {quoted(wanted)}"
-            remedy = suggestion(wanted, self._known)
-            self._problem(placed, "extends", what=what, remedy=remedy)
+            remedy = suggestion(wanted, self.known)
+            self.problems.append(placed.problem("extends", what=what, remedy=remedy))
             return None
-        return self._base if wanted == DEFAULT else None
+        return self.base if wanted == DEFAULT else None
 
     def _merged(self, parent: _Content, placed: Placed[Profile]) -> _Content:
         """A profile's own content over that of the profile that it extends."""
@@ -326,12 +324,9 @@ class _Resolver:
             if name not in inherited:
                 what = "is removed (null), but no profile that is extended has it"
                 remedy = suggestion(name, [each for each in both if each != ALL])
-                self._problem(placed, key, name, what=what, remedy=remedy)
+                self.problems.append(placed.problem(key, name, what=what, remedy=remedy))
         has_words = any(each.patterns for each in placed.entry.checks if each.name == ALL)
         if key == "checks" and (ALL in removed or has_words):
             what = "cannot be removed or narrowed: the check all contains all components"
-            self._problem(placed, key, ALL, what=what, remedy="use another name")
+            self.problems.append(placed.problem(key, ALL, what=what, remedy="use another name"))
         return both
-
-    def _problem(self, placed: Placed[Profile], *below: str | int, what: str, remedy: str) -> None:
-        self.problems.append(placed.problem(*below, what=what, remedy=remedy))
