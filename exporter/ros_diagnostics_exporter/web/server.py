@@ -33,7 +33,7 @@ from ros_diagnostics_exporter.web.connections import (
     Phase,
     connection_limit,
 )
-from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError, reloading_context
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 BACKLOG = 1024
 RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
@@ -295,6 +295,5 @@ def _configure(app: Starlette, live_config: LiveWebConfig) -> uvicorn.Config:
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
     )
     config.load()
-    if live_config.context is not None:
-        config.ssl = reloading_context(live_config.current_context)
+    config.ssl = live_config.context
     return config
