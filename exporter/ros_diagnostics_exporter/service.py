@@ -33,14 +33,15 @@ from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import EOF, SelfMetrics
+from ros_diagnostics_exporter.metrics.week import Week
 from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
-from ros_diagnostics_exporter.sources.prometheus import Prometheus
+from ros_diagnostics_exporter.sources.prometheus import Outcome, Prometheus
 from ros_diagnostics_exporter.sources.source import ArraySource
 from ros_diagnostics_exporter.storage.storage import Storage
 
@@ -90,11 +91,11 @@ class Service:
         older = None if storage is None else storage.find_events
         self._notifications = restored(self.state.faults(), older, now.wall)
         self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
-        self._canary = Canary(now)
-        self._reloader = Reloader(
+        self.canary = Canary(now)
+        self.reloader = Reloader(
             config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
         )
-        self._alertmanager = alertmanager
+        self.alertmanager = alertmanager
         self._forgetting = Forgetting(self.state, alertmanager)
         self._asked = threading.Event()  # Alertmanager, once
         self._configured = threading.Event()  # anew; its domains are not joined yet
@@ -113,37 +114,28 @@ class Service:
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
         self._join_at = self._adopt_at = self._forget_at = self._check_at = now.mono
-        self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
-        self._listener = Listener(self.state, ros_arguments=ros_arguments)
+        self.exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
+        self.listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
-        self._sources: tuple[ArraySource, ...] = (self._listener, self._prometheus)
-        self._exporter = Exporter(
-            self.state,
-            self._exposition,
-            self._listener,
-            self._reloader,
-            self.storage,
-            alertmanager,
-            self._canary,
-            describe_ros(),
-            self.loops,
-            self._prometheus.outcomes,
-        )
-        self._self_metrics = SelfMetrics(self._exporter)
-        self._self_check = SelfCheck(self._exporter, now)
+        self._sources: tuple[ArraySource, ...] = (self.listener, self._prometheus)
+        self.ros = describe_ros()
+        self.scrapes, self.scrape_seconds = 0, 0.0
+        self.week: Week | None = None
+        self._self_metrics = SelfMetrics(self)
+        self._self_check = SelfCheck(self, now)
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
         for loop in (*self._others, self._storage_loop):
             loop.start()
-        if self._alertmanager is None:
+        if self.alertmanager is None:
             self.state.plan((), read_clocks())  # nobody could cancel those of the database
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
         self.join()
         for loop in (self._tick_loop, self._join_loop):
             loop.start()
-        self._reloader.start()
+        self.reloader.start()
 
     def watch(self, loop: Loop) -> None:
         """Show a loop that somebody else starts and stops among those of the service."""
@@ -151,13 +143,17 @@ class Service:
 
     def loops(self) -> list[Loop]:
         """All loops that there are now."""
-        own = [self._tick_loop, self._storage_loop, self._join_loop, self._reloader.loop]
+        own = [self._tick_loop, self._storage_loop, self._join_loop, self.reloader.loop]
         return [
             *own,
             *self._others,
             *self._watched,
             *chain(*(each.loops for each in self._sources)),
         ]
+
+    def outcomes(self) -> list[Outcome]:
+        """What the queries of fleet.yml have brought."""
+        return self._prometheus.outcomes()
 
     def hanging_reason(self) -> str | None:
         """Which loop hangs without which the exporter is of no use; None if none does."""
@@ -208,7 +204,7 @@ class Service:
         """Count what the event log has of seven days."""
         self._record_events()
         lasting = self.faults()["faults"]
-        self._exporter.week = self._week.count(lasting, read_clocks().wall)
+        self.week = self._week.count(lasting, read_clocks().wall)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
@@ -236,7 +232,7 @@ class Service:
         self._join_at = read_clocks().mono + self.JOIN
         for source in self._sources:
             source.follow(self.state.fleet)
-        for domain_id in self._listener.domain_ids:
+        for domain_id in self.listener.domain_ids:
             self.state.domain_joined(domain_id)
 
     def tick(self) -> None:
@@ -246,9 +242,9 @@ class Service:
         if now.mono >= self._check_at:
             self._check_at = now.mono + self.CHECK
             self.state.report_own(self._self_check.reports(now), now)
-        self._canary.tick(self.state.fleet.canary, now)
+        self.canary.tick(self.state.fleet.canary, now)
         self._record_events()
-        self._reloader.tick()
+        self.reloader.tick()
 
     def _follow_domains(self) -> None:
         """Join what the config adds and what could not be joined; leaving takes some seconds."""
@@ -256,8 +252,8 @@ class Service:
         if self._configured.is_set():
             self._configured.clear()
             self.join()
-        elif now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
-            for domain_id in self._listener.joining:
+        elif now.mono >= self._join_at and self.listener.domain_ids != self.state.fleet.domain_ids:
+            for domain_id in self.listener.joining:
                 log.warning("%s is still being joined", place(domain_id))
                 self.state.domain_failed(domain_id, "it is still being joined", now)
             self.join()
@@ -289,24 +285,24 @@ class Service:
         Raises:
             ConfigError: the config cannot be used, or it takes too long to read.
         """
-        self._reloader.reload(why)
+        self.reloader.reload(why)
 
     def request_reload(self, why: str) -> None:
         """Have the config read again soon; the log says how that ends."""
-        self._reloader.request(why)
+        self.reloader.request(why)
 
     def _configure(self, fleet: Fleet) -> None:
         self.state.configure(fleet, read_clocks())
         if self._capsules is not None:
             self._capsules.configure(fleet.capsules)
-        for domain_id in self._listener.domain_ids:  # also for robots that are new
+        for domain_id in self.listener.domain_ids:  # also for robots that are new
             self.state.domain_joined(domain_id)
         self._configured.set()
         self._join_loop.wake()
 
     def stop(self) -> None:
         """Write the state, leave the domains, and write what they brought meanwhile."""
-        changing = (self._reloader.loop, self._join_loop, self._tick_loop)
+        changing = (self.reloader.loop, self._join_loop, self._tick_loop)
         for loop in (*self._others, *changing):
             loop.ask_to_stop()
         deadline = time.monotonic() + self.GRACE
@@ -328,21 +324,21 @@ class Service:
     def render_metrics(self, openmetrics: bool, parts: Collection[Part]) -> list[bytes]:
         """These parts of the exposition."""
         begin = time.perf_counter()
-        pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
+        pieces = self.exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
         if Part.FAULTS in parts:
             self.state.note_served(read_clocks())
-        self._exporter.scrape_seconds = time.perf_counter() - begin
+        self.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
 
     def count_scrape(self) -> None:
         """Note that a scrape was answered: requests at one moment share what is rendered."""
-        self._exporter.scrapes += 1
+        self.scrapes += 1
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
         fleet = snapshot.fleet_snapshot(self.state, read_clocks(), self._care())
-        return {**fleet, "queries": snapshot.queries(self._prometheus.outcomes())}
+        return {**fleet, "queries": snapshot.queries(self.outcomes())}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
@@ -407,7 +403,7 @@ class Service:
         found = ledger.account(
             self._find, known, component, now.wall if at is None else at, now.wall
         )
-        answer = explained(self._alertmanager, fleet, robot, component) if ask else []
+        answer = explained(self.alertmanager, fleet, robot, component) if ask else []
         return {"fleet": fleet, **found, "now": [*found["now"], *answer]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
@@ -433,7 +429,7 @@ class Service:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
         message, now = parse(body), read_clocks()
         fleet = self.state.fleet.name
-        canaries = self._canary.receive(message, fleet, now)
+        canaries = self.canary.receive(message, fleet, now)
         self._record_events()
         with self._recording:
             events, ignored = self._notifications.receive(message, fleet, now.wall)
@@ -462,10 +458,10 @@ class Service:
 
     def _act(self, do: Callable[..., Event], of: Any, person: Person) -> None:
         """Do it, record it, and read the silences anew."""
-        if self._alertmanager is None:
+        if self.alertmanager is None:
             raise ConnectionError("the exporter runs without --alertmanager.url")
         try:
-            event = do(self._alertmanager, self.state.fleet.name, of, person, read_clocks().wall)
+            event = do(self.alertmanager, self.state.fleet.name, of, person, read_clocks().wall)
         except UnreachableError as error:
             raise ConnectionError(f"Alertmanager does not answer: {error}") from error
         log.info("%s by %s: %s", event.after, event.author, event.message)
@@ -482,7 +478,7 @@ class Service:
 
     def not_ready_reason(self) -> str | None:
         """Why the robots' messages are not subscribed to; None when they are."""
-        return self._listener.not_ready_reason(self.state.fleet.domain_ids)
+        return self.listener.not_ready_reason(self.state.fleet.domain_ids)
 
     def forget(self, robot: str, component: str | None) -> tuple[int, bool]:
         """Remove a robot or a component, as Backend says."""
@@ -495,6 +491,6 @@ class Service:
     # -- for the metrics ------------------------------------------------------------------------
 
     def _acknowledged(self) -> list[Acknowledgement]:
-        if self._alertmanager is None:
+        if self.alertmanager is None:
             return []
-        return self._alertmanager.known(read_clocks().wall)
+        return self.alertmanager.known(read_clocks().wall)

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.silences import Acknowledgement
@@ -69,7 +69,7 @@ class ServedFleet:
         alertmanager = self.alertmanager
         return [] if alertmanager is None else alertmanager.known(_read_clocks().wall)
 
-    def _exporter(self, fleet: Fleet) -> Exporter:
+    def _exporter(self, fleet: Fleet) -> SimpleNamespace:
         """What the exporter's own metrics are read from; what is not here is a stand-in."""
         at = self.started.wall
         listener = SimpleNamespace(
@@ -81,20 +81,20 @@ class ServedFleet:
         )
         reloader = SimpleNamespace(successful=True, time=at)
         storage = SimpleNamespace(successful=True, written_at=at)
-        ros = ("jazzy", "none")
-        return Exporter(
-            *(
-                self.state,
-                self._exposition,
-                listener,
-                reloader,
-                storage,
-                None,
-                self.canary,
-                ros,
-                list,
-                list,
-            )
+        return SimpleNamespace(
+            state=self.state,
+            exposition=self._exposition,
+            listener=listener,
+            reloader=reloader,
+            storage=storage,
+            alertmanager=None,
+            canary=self.canary,
+            ros=("jazzy", "none"),
+            loops=list,
+            outcomes=list,
+            scrapes=0,
+            scrape_seconds=0.0,
+            week=None,
         )
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from ros_diagnostics_exporter import __version__, durations
@@ -61,204 +63,167 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error("--prometheus.user needs --prometheus.password-file")
     if options.prometheus_user and options.prometheus_bearer_token_file:
         parser.error("give --prometheus.user or --prometheus.bearer-token-file, not both")
-    if options.actions and not options.alertmanager_urls:
+    if options.web_enable_actions and not options.alertmanager_url:
         parser.error("--web.enable-actions needs --alertmanager.url: acknowledgements are there")
     if options.live and not options.config_check:
         parser.error("--live needs --config.check")
     return options
 
 
+_FILE: dict[str, Any] = {"type": Path, "metavar": "FILE"}
+
+
+def _section(parser: argparse.ArgumentParser, title: str) -> Callable[..., None]:
+    """A function that adds a flag: its name, what it means, and argparse's settings.
+
+    ``--a.b-c`` is the attribute ``a_b_c``.
+    """
+    group = parser.add_argument_group(title)
+
+    def add(flag: str, meaning: str, **settings: Any) -> None:
+        attribute = re.sub("[.-]", "_", flag.removeprefix("--"))
+        group.add_argument(flag, dest=attribute, help=meaning, **settings)
+
+    return add
+
+
 def _add_fleet(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("fleet")
-    group.add_argument(
+    add = _section(parser, "fleet")
+    add(
         "--config.file",
-        dest="config_file",
-        type=Path,
+        "the fleet's configuration: robots, discovery, profiles (default: %(default)s)",
         default=Path("fleet.yml"),
-        metavar="FILE",
-        help="the fleet's configuration: robots, discovery, profiles (default: %(default)s)",
+        **_FILE,
     )
-    group.add_argument(
+    add(
         "--config.check",
-        dest="config_check",
+        "check the configuration files, print a summary or all errors, and exit",
         action="store_true",
-        help="check the configuration files, print a summary or all errors, and exit",
     )
-    group.add_argument(
+    add(
         "--live",
-        metavar="URL",
-        help="with --config.check: also print what of the configuration matches no robot, "
+        "with --config.check: also print what of the configuration matches no robot, "
         "component or value that the exporter running at URL (http://localhost:9877) knows",
+        metavar="URL",
     )
 
 
 def _add_storage(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("storage")
-    group.add_argument(
+    add = _section(parser, "storage")
+    add(
         "--storage.path",
-        dest="storage_path",
+        "SQLite database that keeps the state of the robots, faults and events across "
+        f"restarts; {NO_STORAGE}: keep nothing (default: {DATABASE} in systemd's "
+        f"$STATE_DIRECTORY, else data/{DATABASE})",
         type=_storage_path,
         default=_default_storage_path(),
         metavar="FILE",
-        help="SQLite database that keeps the state of the robots, faults and events across "
-        f"restarts; {NO_STORAGE}: keep nothing (default: {DATABASE} in systemd's "
-        f"$STATE_DIRECTORY, else data/{DATABASE})",
     )
-    group.add_argument(
+    add(
         "--storage.retention.time",
-        dest="storage_retention_time",
+        "how long events are kept (default: %(default)s)",
         type=_duration,
         default="90d",
         metavar="DURATION",
-        help="how long events are kept (default: %(default)s)",
     )
-    group.add_argument(
+    add(
         "--storage.retention.size",
-        dest="storage_retention_size",
+        "size of the database above which the oldest events are deleted; units B, KB, MB, "
+        "GB (default: %(default)s)",
         type=_size,
         default="256MB",
         metavar="SIZE",
-        help="size of the database above which the oldest events are deleted; units B, KB, MB, "
-        "GB (default: %(default)s)",
     )
 
 
 def _add_web(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("web")
-    group.add_argument(
+    add = _section(parser, "web")
+    add(
         "--web.listen-address",
-        dest="listen_addresses",
+        "address to listen on, repeatable; IPv6 as [::1]:9877; without a host all interfaces "
+        f"(default: {DEFAULT_ADDRESS})",
         action="append",
         metavar="HOST:PORT",
-        help="address to listen on, repeatable; IPv6 as [::1]:9877; without a host all interfaces "
-        f"(default: {DEFAULT_ADDRESS})",
     )
-    group.add_argument(
+    add(
         "--web.telemetry-path",
-        dest="telemetry_path",
+        "path under which to expose metrics (default: %(default)s)",
         type=_path,
         default="/metrics",
         metavar="PATH",
-        help="path under which to expose metrics (default: %(default)s)",
     )
-    group.add_argument(
+    add(
         "--web.config.file",
-        dest="web_config",
-        type=Path,
-        metavar="FILE",
-        help="TLS, basic authentication and rate limit, in the format of Prometheus' "
+        "TLS, basic authentication and rate limit, in the format of Prometheus' "
         "exporter-toolkit; reloaded when it changes",
+        **_FILE,
     )
-    group.add_argument(
+    add(
         "--web.enable-lifecycle",
-        dest="lifecycle",
-        action="store_true",
-        help="enable POST /-/reload, and POST /-/forget for everybody; allow only trusted "
+        "enable POST /-/reload, and POST /-/forget for everybody; allow only trusted "
         "clients to reach the exporter then",
-    )
-    group.add_argument(
-        "--web.enable-actions",
-        dest="actions",
         action="store_true",
-        help="forms on the pages: who has logged in (basic_auth_users) acknowledges a fault or "
-        "plans a downtime at --alertmanager.url",
     )
-    group.add_argument(
+    add(
+        "--web.enable-actions",
+        "forms on the pages: who has logged in (basic_auth_users) acknowledges a fault or "
+        "plans a downtime at --alertmanager.url",
+        action="store_true",
+    )
+    add(
         "--web.runbooks-url",
-        dest="runbooks",
+        "where docs/alerts is served, for the links to runbooks of the pages (default: none)",
         type=_runbooks_url,
         default="",
         metavar="URL",
-        help="where docs/alerts is served, for the links to runbooks of the pages (default: none)",
     )
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("Alertmanager, for acknowledgements and downtimes")
-    group.add_argument(
-        "--alertmanager.url",
-        dest="alertmanager_urls",
-        action="append",
-        type=_url,
-        metavar="URL",
-        help="read this fleet's acknowledgements and downtimes from it every few seconds, and the "
+    add = _section(parser, "Alertmanager, for acknowledgements and downtimes")
+    meaning = (
+        "read this fleet's acknowledgements and downtimes from it every few seconds, and the "
         "faults that fire, to go on with them without the database; "
-        "repeatable for a cluster, the first that responds is used (default: none)",
+        "repeatable for a cluster, the first that responds is used (default: none)"
     )
-    group.add_argument(
-        "--alertmanager.user",
-        dest="alertmanager_user",
-        metavar="NAME",
-        help="for basic auth",
-    )
-    group.add_argument(
-        "--alertmanager.password-file",
-        dest="alertmanager_password_file",
-        type=Path,
-        metavar="FILE",
-        help="the user's password, in one line",
-    )
-    group.add_argument(
-        "--alertmanager.ca-file",
-        dest="alertmanager_ca_file",
-        type=Path,
-        metavar="FILE",
-        help="CA of its certificate (default: the system's)",
-    )
+    url = partial(_server, example="http://localhost:9093", flags="--alertmanager")
+    add("--alertmanager.url", meaning, action="append", type=url, metavar="URL")
+    _add_login(add, "--alertmanager")
 
 
 def _add_prometheus(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("Prometheus, for the queries of fleet.yml")
-    group.add_argument(
-        "--prometheus.url",
-        dest="prometheus_url",
-        type=_prometheus_url,
-        metavar="URL",
-        help="ask it the queries of fleet.yml, whose results are components of the robots "
-        "(default: none)",
+    add = _section(parser, "Prometheus, for the queries of fleet.yml")
+    meaning = (
+        "ask it the queries of fleet.yml, whose results are components of the robots "
+        "(default: none)"
     )
-    group.add_argument(
-        "--prometheus.user", dest="prometheus_user", metavar="NAME", help="for basic auth"
-    )
-    group.add_argument(
-        "--prometheus.password-file",
-        dest="prometheus_password_file",
-        type=Path,
-        metavar="FILE",
-        help="the user's password, in one line",
-    )
-    group.add_argument(
-        "--prometheus.bearer-token-file",
-        dest="prometheus_bearer_token_file",
-        type=Path,
-        metavar="FILE",
-        help="a bearer token, in one line, in place of user and password",
-    )
-    group.add_argument(
-        "--prometheus.ca-file",
-        dest="prometheus_ca_file",
-        type=Path,
-        metavar="FILE",
-        help="CA of its certificate (default: the system's)",
-    )
+    url = partial(_server, example="http://localhost:9090", flags="--prometheus")
+    add("--prometheus.url", meaning, type=url, metavar="URL")
+    meaning = "a bearer token, in one line, in place of user and password"
+    add("--prometheus.bearer-token-file", meaning, **_FILE)
+    _add_login(add, "--prometheus")
+
+
+def _add_login(add: Callable[..., None], server: str) -> None:
+    add(f"{server}.user", "for basic auth", metavar="NAME")
+    add(f"{server}.password-file", "the user's password, in one line", **_FILE)
+    add(f"{server}.ca-file", "CA of its certificate (default: the system's)", **_FILE)
 
 
 def _add_logs(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("log (standard error)")
-    group.add_argument(
+    add = _section(parser, "log (standard error)")
+    add(
         "--log.level",
-        dest="log_level",
+        "lowest level to log (default: %(default)s)",
         choices=("debug", "info", "warning", "error"),
         default="info",
-        help="lowest level to log (default: %(default)s)",
     )
-    group.add_argument(
+    add(
         "--log.format",
-        dest="log_format",
+        'json also wraps lines that the ROS middleware writes itself, with logger "output" '
+        "(default: %(default)s)",
         choices=FORMATS,
         default="logfmt",
-        help='json also wraps lines that the ROS middleware writes itself, with logger "output" '
-        "(default: %(default)s)",
     )
 
 
@@ -288,20 +253,12 @@ def _size(text: str) -> int:
     return int(match[1]) * _UNITS[match[2]]
 
 
-def _url(text: str) -> str:
-    return _server(text, "http://localhost:9093", "--alertmanager")
-
-
 def _runbooks_url(text: str) -> str:
     if not text:  # the default
         return text
     if "@" in text:
         raise argparse.ArgumentTypeError("give it without a user: everybody sees the pages' links")
     return _server(text, "http://localhost:9090/user/alerts", "")
-
-
-def _prometheus_url(text: str) -> str:
-    return _server(text, "http://localhost:9090", "--prometheus")
 
 
 def _server(text: str, example: str, flags: str) -> str:

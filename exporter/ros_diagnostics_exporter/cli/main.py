@@ -108,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _check(options: argparse.Namespace) -> int:
     fleet = load(options.config_file)
     print(describe(fleet), end="")  # noqa: T201
-    LiveWebConfig(options.web_config)
+    LiveWebConfig(options.web_config_file)
     if options.live:
         live = Client(options.live).fleet()
         known = known_from_json(live)
@@ -121,7 +121,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
-    listen = options.listen_addresses or [flags.DEFAULT_ADDRESS]
+    listen = options.web_listen_address or [flags.DEFAULT_ADDRESS]
     for address in listen:
         parse_address(address)
     fleet = load(options.config_file)
@@ -153,10 +153,10 @@ def _storage(options: argparse.Namespace) -> Storage | None:
 
 
 def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
-    if not options.alertmanager_urls:
+    if not options.alertmanager_url:
         return None
     return Alertmanager(
-        options.alertmanager_urls,
+        options.alertmanager_url,
         user=options.alertmanager_user,
         password_file=options.alertmanager_password_file,
         ca_file=options.alertmanager_ca_file,
@@ -180,11 +180,11 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
     server = Server(
         service,
         listen=listen,
-        telemetry_path=options.telemetry_path,
-        web_config=options.web_config,
-        lifecycle=options.lifecycle,
-        actions=options.actions,
-        runbooks=options.runbooks,
+        telemetry_path=options.web_telemetry_path,
+        web_config=options.web_config_file,
+        lifecycle=options.web_enable_lifecycle,
+        actions=options.web_enable_actions,
+        runbooks=options.web_runbooks_url,
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

@@ -1,7 +1,5 @@
 """What robots of a profile can do: expressions over their components, values and checks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -67,7 +65,7 @@ class Expression:
     """
 
     k: int | None
-    of: tuple[Need, ...]
+    of: tuple["Need", ...]
     degraded: Literal["degraded", "ok", "lost"] = "degraded"
 
 
@@ -248,7 +246,7 @@ class Capability(Entry):
     )
 
     @override
-    def completed(self, given: Mapping[str, Any]) -> Capability:
+    def completed(self, given: Mapping[str, Any]) -> "Capability":
         need = _only_form(self)
         for each in parts_of(need):
             if isinstance(each, RobotsOf):
@@ -263,7 +261,7 @@ class Capability(Entry):
         return replace(self, need=need)
 
 
-def _only_form(capability: Capability | FleetCapability) -> Expression:
+def _only_form(capability: "Capability | FleetCapability") -> Expression:
     forms = [each for each in ("all", "any", "at_least") if getattr(capability, each) is not None]
     if len(forms) != 1:
         what = f"has {' and '.join(forms) or 'none of all, any and at_least'}"
@@ -295,7 +293,7 @@ class FleetCapability(Entry):
     )
 
     @override
-    def completed(self, given: Mapping[str, Any]) -> FleetCapability:
+    def completed(self, given: Mapping[str, Any]) -> "FleetCapability":
         need = _only_form(self)
         for each in parts_of(need):
             if isinstance(each, ComponentsOf | CheckOf):

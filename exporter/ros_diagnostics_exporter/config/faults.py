@@ -7,7 +7,7 @@ from pydantic import Field
 from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
-from ros_diagnostics_exporter.config.keys import Entry, Written, as_it_is, described
+from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.scalars import (
     Count,
     Duration,
@@ -172,18 +172,18 @@ class FaultSettings(Entry, title="Faults"):
         example=0.05,
         default=0.02,
     )
-    many: Annotated[CauseSettings, Written(Many, as_it_is)] = described(
+    many: Annotated[CauseSettings, Written(Many)] = described(
         "When components of one robot that fail at once are one fault.",
         example={"components": 5},
         default=Many().completed({}),
     )
-    site: Annotated[CauseSettings, Written(Site, as_it_is)] = described(
+    site: Annotated[CauseSettings, Written(Site)] = described(
         "When robots of one site (their label `site`; those without it are one) that fall silent "
         "at once are one fault.",
         example={"robots": 3, "share": 0.3},
         default=Site().completed({}),
     )
-    common: Annotated[CauseSettings, Written(Common, as_it_is)] = described(
+    common: Annotated[CauseSettings, Written(Common)] = described(
         "When one component that is ERROR on many robots is one fault.",
         example={"robots": 10, "absolute": 50},
         default=Common().completed({}),

@@ -30,7 +30,7 @@ from ros_diagnostics_exporter.config.faults import (
     Site,
     WarningHours,
 )
-from ros_diagnostics_exporter.config.keys import Entry, Written, as_it_is, described, nothing
+from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
 from ros_diagnostics_exporter.config.patterns import Wildcards
 from ros_diagnostics_exporter.config.profiles import (
     ALL,
@@ -103,7 +103,7 @@ __all__ = [
     "topics_of",
 ]
 
-UnixTime = Annotated[float, Written(Moment, as_it_is)]  # of a time zone: `Maintenance.completed`
+UnixTime = Annotated[float, Written(Moment)]  # of a time zone: `Maintenance.completed`
 
 
 class Limits(Entry):
@@ -303,7 +303,9 @@ class Fleet(Entry, title="FleetFile"):
         default=None,
     )
     warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
-    sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
+    sources: tuple[Path, ...] = field(
+        default=(), compare=False
+    )  # the files and folders it is read from
 
     @property
     def longest_confirm_after(self) -> float:

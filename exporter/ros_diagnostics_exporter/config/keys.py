@@ -58,24 +58,26 @@ def _set_default(written: Any, schema: dict[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class Written:
-    """What a key is in the file, ``kind``, and what makes its attribute of that.
+    """What a key is in the file, ``kind``, and what makes its attribute of that, if it is another.
 
     ``made`` takes the context of the validation, too, if ``in_context``.
     """
 
     kind: Any
-    made: Callable[..., Any]
+    made: Callable[..., Any] | None = None
     in_context: bool = False
 
     def __get_pydantic_core_schema__(
         self, _source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        inner = handler.generate_schema(self.kind)
+        inner, made = handler.generate_schema(self.kind), self.made
+        if made is None:
+            return inner
         if self.in_context:
             return core_schema.with_info_after_validator_function(
-                lambda value, info: self.made(value, info.context), inner
+                lambda value, info: made(value, info.context), inner
             )
-        return core_schema.no_info_after_validator_function(self.made, inner)
+        return core_schema.no_info_after_validator_function(made, inner)
 
 
 class Value:
@@ -118,6 +120,8 @@ class Entry:
             extra="forbid", strict=True, allow_inf_nan=False, title=title or cls.__name__
         )
         for name, kind in inspect.get_annotations(cls).items():
+            if isinstance(kind, str):  # `keys_at` would find no keys in it
+                raise TypeError(f"{cls.__name__}.{name} has a type as text")
             of_key = getattr(cls.__dict__.get(name), "metadata", {}).get("info")
             cls.__annotations__[name] = Annotated[kind, of_key] if of_key else _NO_KEY
         found = {}
@@ -200,11 +204,6 @@ def _plain(kind: Any) -> Any:
             kind = next(each for each in get_args(kind) if each is not type(None))
         else:
             return kind
-
-
-def as_it_is(value: Any) -> Any:
-    """What the file has, where the attribute is no other."""
-    return value
 
 
 def nothing() -> Mapping[Any, Any]:

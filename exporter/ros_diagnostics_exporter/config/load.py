@@ -6,8 +6,8 @@ Every call reads all files; nothing is cached.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -60,26 +60,12 @@ def load(path: Path) -> Fleet:
     Raises:
         ConfigError: the config cannot be used; its text has one line for each problem.
     """
-    sources_read = [path]
     document, problems = read(path)
-    fleet = _fleet(document, sources_read, problems) if document else None
+    sources = [path]
+    fleet = _fleet(_Reading(document, sources, problems)) if document else None
     if problems or fleet is None:
-        raise ConfigError(problems, sources_read)
-    return replace(fleet, sources=tuple(sources_read))
-
-
-def sources(fleet_or_path: Fleet | Path) -> tuple[Path, ...]:
-    """The files and folders that a Fleet is read from.
-
-    Folders are included also before they exist. For a path, everything is read; an invalid config
-    has sources, too.
-    """
-    if isinstance(fleet_or_path, Fleet):
-        return fleet_or_path.sources
-    try:
-        return load(fleet_or_path).sources
-    except ConfigError as error:
-        return error.sources
+        raise ConfigError(problems, sources)
+    return replace(fleet, sources=tuple(sources))
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -96,20 +82,18 @@ def files_of(folder: Path) -> list[Path]:
     return [each for each in listed if each.suffix in _SUFFIXES and not each.name.startswith(".")]
 
 
-def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]) -> Fleet | None:
-    """The Fleet that the document and its folders describe; problems are added to `problems`."""
+def _fleet(reading: _Reading) -> Fleet | None:
+    """The Fleet that fleet.yml and its folders describe; problems are added to the reading's."""
+    document, problems = reading.document, reading.problems
     if not isinstance(document.data, dict):
         what = "is empty" if document.data is None else "is not a mapping"
         problems.append(document.problem((), what, "start it with fleet: and a name"))
         return None
     valid = validate(document, [((), _without_sections(document.data))], Fleet, problems)
     top = valid[0].entry if valid else None
-    checked, profiles = _sections(
-        document,
-        sources_read,
-        problems,
-        stale_is_critical=top is not None and top.stale_is_critical,
-    )
+    stale_is_critical = top is not None and top.stale_is_critical
+    own, profiles = resolved(document, problems, stale_is_critical=stale_is_critical)
+    checked = _checked(replace(reading, profiles=profiles), own)
     problems.extend(find_conflicts(checked, top.limits if top else Limits()))
     if top is None:
         return None
@@ -149,34 +133,17 @@ def _without_sections(data: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _sections(
-    document: Document,
-    sources_read: list[Path],
-    problems: list[Finding],
-    *,
-    stale_is_critical: bool,
-) -> tuple[Checked, dict[str, Profile]]:
-    own, profiles = resolved(document, problems, stale_is_critical=stale_is_critical)
-    folders = _Folders(document, sources_read, problems, profiles)
-
-    def section(key: str, kind: type[T]) -> list[Placed[T]]:
-        entries = document.data.get(key)
-        items = _items(entries, (key,)) if isinstance(entries, list) else []
-        return validate(document, items, kind, problems, profiles)
-
-    shared = section("shared", Shared)
-    robots = section("robots", Robot) + folders.entries("robots", Robot)
-    checked = Checked(
-        document=document,
-        profiles=own,
-        robots=_on_shared_topics(robots, shared),
-        discovery=section("discovery", Discovery),
+def _checked(reading: _Reading, profiles: list[Placed[Profile]]) -> Checked:
+    shared = reading.entries("shared", Shared)
+    return Checked(
+        document=reading.document,
+        profiles=profiles,
+        robots=_on_shared_topics(reading.entries("robots", Robot), shared),
+        discovery=reading.entries("discovery", Discovery),
         shared=shared,
-        maintenance=section("maintenance", Maintenance)
-        + folders.entries("maintenance", Maintenance),
-        queries=section("queries", Query) + folders.entries("queries", Query),
+        maintenance=reading.entries("maintenance", Maintenance),
+        queries=reading.entries("queries", Query),
     )
-    return checked, profiles
 
 
 def _on_shared_topics(
@@ -201,51 +168,48 @@ def _items(entries: Any, path: KeyPath = ()) -> list[tuple[KeyPath, Any]]:
     return [(path, entries)]
 
 
-class _Folders:
-    """Reads the folders beside fleet.yml and notes every file that is read."""
+@dataclass(frozen=True)
+class _Reading:
+    """fleet.yml as it is read: which files and folders were, and what is wrong with them."""
 
-    def __init__(
-        self,
-        document: Document,
-        sources: list[Path],
-        problems: list[Finding],
-        profiles: dict[str, Profile],
-    ) -> None:
-        self._document = document
-        self._sources = sources
-        self._problems = problems
-        self._profiles = profiles
+    document: Document
+    sources: list[Path]
+    problems: list[Finding]
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
 
     def entries(self, section: str, kind: type[T]) -> list[Placed[T]]:
-        """The entries of all files of a section's folder, in the order of the files."""
+        """The valid entries of a list, then those of the files of its folder, in their order."""
+        listed = self.document.data.get(section)
+        items = _items(listed, (section,)) if isinstance(listed, list) else []
+        found = validate(self.document, items, kind, self.problems, self.profiles)
+        for file in self._files(section) if section in FOLDERS else ():
+            document, problems = read(file)
+            if document is None and not os.path.lexists(file):
+                continue  # deleted since the listing
+            self.sources.append(file)
+            self.problems.extend(problems)
+            if document is not None:
+                items = _items(document.data)
+                found += validate(document, items, kind, self.problems, self.profiles)
+        return found
+
+    def _files(self, section: str) -> list[Path]:
         key = f"{section}_folder"
-        name = self._document.data.get(key)
+        name = self.document.data.get(key)
         if not isinstance(name, str | None):
             return []  # a problem already
-        folder = self._document.path.parent / (name or FOLDERS[section])
-        self._sources.append(folder)
+        folder = self.document.path.parent / (name or FOLDERS[section])
+        self.sources.append(folder)
         if name and not folder.is_dir():
             what, remedy = f"{folder} is not a folder", "create it, or name one that exists"
-            self._problems.append(self._document.problem((key,), what, remedy))
+            self.problems.append(self.document.problem((key,), what, remedy))
             return []
         try:
-            files = files_of(folder)
+            return files_of(folder)
         except OSError as error:
             what, remedy = f"cannot be read ({error.strerror})", "let this user read the folder"
-            self._problems.append(Finding(folder, None, "", what, remedy))
+            self.problems.append(Finding(folder, None, "", what, remedy))
             return []
-        return [entry for file in files for entry in self._read(file, kind)]
-
-    def _read(self, file: Path, kind: type[T]) -> list[Placed[T]]:
-        document, found = read(file)
-        if document is None and not os.path.lexists(file):
-            return []  # deleted since the listing
-        self._sources.append(file)
-        self._problems.extend(found)
-        if document is None:
-            return []
-        items = _items(document.data)
-        return validate(document, items, kind, self._problems, self._profiles)
 
 
 # -- profiles that extend one another -------------------------------------------------------------
@@ -263,18 +227,18 @@ def resolved(
     items = [(("profiles", name), {} if each is None else each) for name, each in given.items()]
     entries = validate(document, items, Profile, problems)
     base = {"stale_is_critical": stale_is_critical, "checks": {ALL: {}}}
-    resolver = _Resolver({str(each.path[-1]): each for each in entries}, {*given, DEFAULT}, base)
+    by_name = {str(each.path[-1]): each for each in entries}
+    resolver = _Resolver(by_name, sorted({*given, DEFAULT}), base, problems)
     made = {
-        name: resolver.content(name) if name in resolver.entries else base
+        name: resolver.content(name) if name in by_name else base
         for name in dict.fromkeys((DEFAULT, *given))
     }
-    problems.extend(resolver.problems)
     default = Profile(stale_is_critical=stale_is_critical)
     profiles = {
         name: default if each is None else replace(validated(Profile, each), name=name)
         for name, each in made.items()
     }
-    problems.extend(_wrong_names(profiles, resolver.entries))
+    problems.extend(_wrong_names(profiles, by_name))
     return entries, profiles
 
 
@@ -298,25 +262,23 @@ def _wrong_names(
             yield placed.problem("capabilities", what=what, remedy=each[2])
 
 
+@dataclass(frozen=True)
 class _Resolver:
     """Merges profiles, each into the one that it extends."""
 
-    def __init__(
-        self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
-    ) -> None:
-        self.entries = entries
-        self.problems: list[Finding] = []
-        self._known = sorted(known)  # also those that are invalid
-        self._base = base
-        self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem
+    entries: Mapping[str, Placed[Profile]]
+    known: list[str]  # also those that are invalid
+    base: _Content
+    problems: list[Finding]
+    made: dict[str, _Content | None] = field(default_factory=dict)  # None: invalid
 
     def content(self, name: str, above: tuple[str, ...] = ()) -> _Content | None:
         """The merged content of a profile; `above` are the profiles that extend it."""
-        if name not in self._made:
+        if name not in self.made:
             placed = self.entries[name]
             parent = self._parent(name, placed, (*above, name))
-            self._made[name] = None if parent is None else self._merged(parent, placed)
-        return self._made[name]
+            self.made[name] = None if parent is None else self._merged(parent, placed)
+        return self.made[name]
 
     def _parent(
         self, name: str, placed: Placed[Profile], above: tuple[str, ...]
@@ -325,21 +287,21 @@ class _Resolver:
         if name == DEFAULT:
             if placed.data.get("extends"):
                 what = "the profile default cannot extend another"
-                self._problem(placed, "extends", what=what, remedy="remove extends")
-            return self._base
+                self.problems.append(placed.problem("extends", what=what, remedy="remove extends"))
+            return self.base
         if wanted in above:
             way = " -> ".join((*above[above.index(wanted) :], wanted))
             what = f"extends in a circle ({way})"
-            self._problem(placed, "extends", what=what, remedy="remove one extends")
+            self.problems.append(placed.problem("extends", what=what, remedy="remove one extends"))
             return None
         if wanted in self.entries:
             return self.content(wanted, above)
-        if wanted not in self._known:
+        if wanted not in self.known:
             what = f"there is no profile {quoted(wanted)}"
-            remedy = suggestion(wanted, self._known)
-            self._problem(placed, "extends", what=what, remedy=remedy)
+            remedy = suggestion(wanted, self.known)
+            self.problems.append(placed.problem("extends", what=what, remedy=remedy))
             return None
-        return self._base if wanted == DEFAULT else None
+        return self.base if wanted == DEFAULT else None
 
     def _merged(self, parent: _Content, placed: Placed[Profile]) -> _Content:
         """A profile's own content over that of the profile that it extends."""
@@ -362,12 +324,9 @@ class _Resolver:
             if name not in inherited:
                 what = "is removed (null), but no profile that is extended has it"
                 remedy = suggestion(name, [each for each in both if each != ALL])
-                self._problem(placed, key, name, what=what, remedy=remedy)
+                self.problems.append(placed.problem(key, name, what=what, remedy=remedy))
         has_words = any(each.patterns for each in placed.entry.checks if each.name == ALL)
         if key == "checks" and (ALL in removed or has_words):
             what = "cannot be removed or narrowed: the check all contains all components"
-            self._problem(placed, key, ALL, what=what, remedy="use another name")
+            self.problems.append(placed.problem(key, ALL, what=what, remedy="use another name"))
         return both
-
-    def _problem(self, placed: Placed[Profile], *below: str | int, what: str, remedy: str) -> None:
-        self.problems.append(placed.problem(*below, what=what, remedy=remedy))

@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.config.capabilities import Capability, Parts, shor
 from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
 from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.config.keys import Entry, Written, as_it_is, described, nothing
+from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
 from ros_diagnostics_exporter.config.scalars import CapabilityName, Duration, Name, PositiveDuration
@@ -24,8 +24,8 @@ DEFAULT = "default"  # the profile that applies where none is named
 ALL = "all"  # the check that is always there
 
 # An entry has all the patterns of its key; `_one_each` makes of it rules that have one each.
-OneOfWords = Annotated[Pattern, Written(Words, as_it_is)]
-OneOfWildcards = Annotated[Pattern, Written(Wildcards, as_it_is)]
+OneOfWords = Annotated[Pattern, Written(Words)]
+OneOfWildcards = Annotated[Pattern, Written(Wildcards)]
 LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]
 
 

@@ -93,9 +93,12 @@ _WAY_OUT = (
 
 def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
     """Names and topics that are used twice, more robots or queries than the limit."""
-    yield from _same_names(checked.robots)
+    what = "the name {1} is already used by the robot in {0}"
+    yield from _twice(checked.robots, "name", what, "give each robot a name of its own")
     yield from _same_topics(checked)
-    yield from _same_queries(checked.queries)
+    what = "the query in {0} already has components {1}"
+    remedy = "give it another component or group, or join the two expressions by or"
+    yield from _twice(checked.queries, "component", what, remedy)
     yield from _uplinks_in_circles(checked.robots)
     if len(checked.queries) > MAX_QUERIES:
         what = f"{len(checked.queries)} queries are declared, above the limit of {MAX_QUERIES}"
@@ -116,14 +119,14 @@ def find_unreached(checked: Checked) -> Iterator[Finding]:
             )
 
 
-def _same_names(robots: list[Placed[Robot]]) -> Iterator[Finding]:
-    first: dict[str, Placed[Robot]] = {}
-    for placed in robots:
+def _twice(entries: Iterable[Placed[Any]], key: str, what: str, remedy: str) -> Iterator[Finding]:
+    """Entries that have the name, {1}, of one before, which is in the line {0}."""
+    first: dict[str, Placed[Any]] = {}
+    for placed in entries:
         name = placed.entry.name
         other = first.setdefault(name, placed)
         if other is not placed:
-            what = f"the name {quoted(name)} is already used by the robot in {other.place()}"
-            yield placed.problem("name", what=what, remedy="give each robot a name of its own")
+            yield placed.problem(key, what=what.format(other.place(), quoted(name)), remedy=remedy)
 
 
 def _uplinks_in_circles(robots: list[Placed[Robot]]) -> Iterator[Finding]:
@@ -136,17 +139,6 @@ def _uplinks_in_circles(robots: list[Placed[Robot]]) -> Iterator[Finding]:
         if uplink == path[0]:
             what = f"is reached through itself: {' -> '.join(map(quoted, [*path, uplink]))}"
             yield placed.problem("labels", "uplink", what=what, remedy="remove one of them")
-
-
-def _same_queries(queries: list[Placed[Query]]) -> Iterator[Finding]:
-    first: dict[str, Placed[Query]] = {}
-    for placed in queries:
-        name = placed.entry.name
-        other = first.setdefault(name, placed)
-        if other is not placed:
-            what = f"the query in {other.place()} already has components {quoted(name)}"
-            remedy = "give it another component or group, or join the two expressions by or"
-            yield placed.problem("component", what=what, remedy=remedy)
 
 
 def _same_topics(checked: Checked) -> Iterator[Finding]:

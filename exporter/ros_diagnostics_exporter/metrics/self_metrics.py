@@ -9,7 +9,7 @@ import platform
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector
 from prometheus_client.exposition import generate_latest
@@ -53,9 +53,8 @@ class Histogram(NamedTuple):
     sum: float
 
 
-@dataclass
-class Exporter:
-    """The parts of the exporter that its own metrics are read from.
+class Exporter(Protocol):
+    """What the exporter's own metrics, and its check of itself, are read from: the service.
 
     ``ros`` is (distribution, middleware); ``scrapes`` and ``scrape_seconds`` are those before the
     current scrape; ``week`` is None while it is not counted.
@@ -69,11 +68,15 @@ class Exporter:
     alertmanager: Alertmanager | None
     canary: Canary
     ros: tuple[str, str]
-    loops: Callable[[], Sequence[Loop]]
-    outcomes: Callable[[], Sequence[Outcome]]
-    scrapes: int = 0
-    scrape_seconds: float = 0.0
-    week: Week | None = None
+    scrapes: int
+    scrape_seconds: float
+    week: Week | None
+
+    def loops(self) -> Sequence[Loop]:
+        """All loops that there are now."""
+
+    def outcomes(self) -> Sequence[Outcome]:
+        """What the queries of fleet.yml have brought."""
 
 
 def _family(

@@ -99,38 +99,26 @@ def _dummy_hash(users: Mapping[str, str]) -> str:
     return f"$2b${cost}$" + "." * 53
 
 
-class Bucket:
-    """A token bucket: one request every ``interval`` seconds, up to ``burst`` at once."""
-
-    def __init__(self) -> None:
-        self._tokens = float("inf")
-        self._last = 0.0
-
-    def take(self, interval: float, burst: int, now: float) -> bool:
-        """Whether a request is allowed at ``now`` (monotonic seconds)."""
-        self._tokens = min(burst, self._tokens + (now - self._last) / interval)
-        self._last = now
-        if self._tokens < 1:
-            return False
-        self._tokens -= 1
-        return True
-
-
 class Buckets:
-    """A bucket per client address; above MAX_BUCKETS the least recently used is dropped."""
+    """A token bucket per client address; above MAX_BUCKETS the least recently used is dropped."""
 
     def __init__(self) -> None:
-        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()  # tokens, when
 
     def take(self, address: str, interval: float, burst: int, now: float) -> bool:
-        """As Bucket.take, for the bucket of ``address``; interval 0 allows all."""
+        """Whether a request of ``address`` is allowed at ``now`` (monotonic seconds).
+
+        One is every ``interval`` seconds, up to ``burst`` at once; interval 0 allows all.
+        """
         if interval <= 0:
             return True
-        bucket = self._buckets.setdefault(address, Bucket())
-        self._buckets.move_to_end(address)
+        tokens, last = self._buckets.pop(address, (burst, now))
+        tokens = min(burst, tokens + (now - last) / interval)
+        is_allowed = tokens >= 1
+        self._buckets[address] = (tokens - is_allowed, now)
         if len(self._buckets) > MAX_BUCKETS:
             self._buckets.popitem(last=False)
-        return bucket.take(interval, burst, now)
+        return is_allowed
 
 
 def is_cross_site(headers: Mapping[str, str], scheme: str) -> bool:

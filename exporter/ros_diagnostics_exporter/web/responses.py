@@ -16,7 +16,6 @@ import contextlib
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from starlette.responses import JSONResponse, Response
@@ -135,7 +134,13 @@ class ResponseLimit:
                 return self.reserve(connection, size)
             if time.monotonic() >= give_up or connection.closed:
                 raise BusyError
-            await self._wait(connection)
+            turn = asyncio.get_running_loop().create_future()
+            self._waiting[turn] = connection
+            try:
+                # Not for longer: another client may have stalled by then.
+                await asyncio.wait([turn], timeout=STALLED_AFTER)
+            finally:
+                del self._waiting[turn]
 
     def resize(self, connection: ClientConnection, size: int) -> None:
         """Correct the size of a response, unless it has been lost since."""
@@ -150,15 +155,6 @@ class ResponseLimit:
         if waiting:
             order = self._connections.closing_order()
             min(waiting, key=lambda each: order(self._waiting[each])).set_result(None)
-
-    async def _wait(self, connection: ClientConnection) -> None:
-        turn = asyncio.get_running_loop().create_future()
-        self._waiting[turn] = connection
-        try:
-            # Not for longer: another client may have stalled by then.
-            await asyncio.wait([turn], timeout=STALLED_AFTER)
-        finally:
-            del self._waiting[turn]
 
 
 async def send_chunks(pieces: Iterable[bytes], send: Send) -> None:
@@ -198,41 +194,36 @@ class ResponseLimiter:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, and limit its response."""
-        await self._app(scope, receive, _LimitedSend(self._limit, scope, receive, send))
+        start: Message | None = None  # held back: a 503 may take its place
 
+        async def limited(message: Message) -> None:
+            nonlocal start
+            if message["type"] == "http.response.start":
+                start = message
+                return
+            begin, start = start, None
+            body = message.get("body", b"")
+            if begin is not None and len(body) > CHUNK:
+                connection = scope["state"]["connection"]
+                if not await self._send_large(connection, begin, body, send):
+                    await busy_response()(scope, receive, send)
+                return
+            if begin is not None:
+                await send(begin)
+            await send(message)  # also every chunk of a body that already comes in chunks
 
-@dataclass
-class _LimitedSend:
-    """The ``send`` of one request."""
+        await self._app(scope, receive, limited)
 
-    limit: ResponseLimit
-    scope: Scope
-    receive: Receive
-    send: Send
-    start: Message | None = None  # held back: a 503 may take its place
-
-    async def __call__(self, message: Message) -> None:
-        if message["type"] == "http.response.start":
-            self.start = message
-            return
-        start, self.start = self.start, None
-        body = message.get("body", b"")
-        if start is not None and len(body) > CHUNK:
-            await self._send_large(start, body)
-            return
-        if start is not None:
-            await self.send(start)
-        await self.send(message)  # also every chunk of a body that already comes in chunks
-
-    async def _send_large(self, start: Message, body: bytes) -> None:
-        connection = self.scope["state"]["connection"]
+    async def _send_large(
+        self, connection: ClientConnection, start: Message, body: bytes, send: Send
+    ) -> bool:
         try:
-            self.limit.reserve(connection, len(body))
+            self._limit.reserve(connection, len(body))
         except BusyError:
-            await busy_response()(self.scope, self.receive, self.send)
-            return
+            return False
         try:
-            await self.send(start)
-            await send_chunks([body], self.send)
+            await send(start)
+            await send_chunks([body], send)
         finally:
-            self.limit.release(connection)
+            self._limit.release(connection)
+        return True

@@ -33,7 +33,7 @@ from ros_diagnostics_exporter.web.connections import (
     Phase,
     connection_limit,
 )
-from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError, reloading_context
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 BACKLOG = 1024
 RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
@@ -181,7 +181,7 @@ class Server:
             actions=actions,
             runbooks=runbooks,
         )
-        self._uvicorn = _Uvicorn(_configure(app, live_config))
+        self._uvicorn = _Uvicorn(_configure(app, live_config), self.connections)
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
@@ -233,14 +233,16 @@ class Server:
 class _Uvicorn(uvicorn.Server):
     """Sets ``ready`` once it serves, and closes all connections on shutdown."""
 
-    def __init__(self, config: uvicorn.Config) -> None:
+    def __init__(self, config: uvicorn.Config, connections: Connections) -> None:
         super().__init__(config)
+        self._connections = connections
         self.ready = threading.Event()
         self.last_turn = time.monotonic()
 
     async def on_tick(self, counter: int) -> bool:
-        """Note that the loop goes on; uvicorn calls it ten times a second."""
+        """Note that the loop goes on, and drop clients; uvicorn calls it ten times a second."""
         self.last_turn = time.monotonic()
+        self._connections.end_overdue()
         return await super().on_tick(counter)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -293,6 +295,5 @@ def _configure(app: Starlette, live_config: LiveWebConfig) -> uvicorn.Config:
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
     )
     config.load()
-    if live_config.context is not None:
-        config.ssl = reloading_context(live_config.current_context)
+    config.ssl = live_config.context
     return config

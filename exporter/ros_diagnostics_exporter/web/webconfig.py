@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import re
 import ssl
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -178,23 +178,16 @@ def _reject_passphrase() -> str:
 
 
 class ReloadingContext(ssl.SSLContext):
-    """Uses the context that ``current`` returns for each new connection.
+    """Uses ``current`` for each new connection, so that it may be replaced.
 
     asyncio only calls a context's ``wrap_bio``, at the start of every handshake.
     """
 
-    current: Callable[[], ssl.SSLContext]
+    current: ssl.SSLContext
 
     def wrap_bio(self, *args: Any, **kwargs: Any) -> ssl.SSLObject:
         """The server's side of a new connection."""
-        return self.current().wrap_bio(*args, **kwargs)
-
-
-def reloading_context(current: Callable[[], ssl.SSLContext]) -> ReloadingContext:
-    """A context for a server whose TLS configuration may be reloaded."""
-    context = ReloadingContext(ssl.PROTOCOL_TLS_SERVER)
-    context.current = current
-    return context
+        return self.current.wrap_bio(*args, **kwargs)
 
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")
@@ -320,7 +313,7 @@ class LiveWebConfig:
     def __init__(self, path: Path | None) -> None:
         self._path = path
         self.config = WebConfig()
-        self.context: ssl.SSLContext | None = None
+        self.context: ReloadingContext | None = None
         if path is not None:
             self._apply(read(path))
         self._signature = self._files_signature()
@@ -337,12 +330,6 @@ class LiveWebConfig:
             _log.error("web config reload failed, keeping the previous one: %s", error)
         else:
             _log.info("reloaded the web config %s", self._path)
-
-    def current_context(self) -> ssl.SSLContext:
-        """The TLS context for a new connection."""
-        if self.context is None:
-            raise RuntimeError("TLS cannot be switched off while the exporter runs")
-        return self.context
 
     def _reread(self, path: Path) -> WebConfig:
         fresh = read(path)
@@ -361,9 +348,11 @@ class LiveWebConfig:
     def _apply(self, fresh: WebConfig) -> None:
         if fresh.tls_server_config is not None:
             try:
-                self.context = make_context(fresh.tls_server_config)
+                made = make_context(fresh.tls_server_config)
             except ValueError as error:
                 raise WebConfigError(str(error)) from error
+            self.context = self.context or ReloadingContext(ssl.PROTOCOL_TLS_SERVER)
+            self.context.current = made
         self.config = fresh
 
     def _files_signature(self) -> Signature:

@@ -30,7 +30,7 @@ def test_the_scrape_config_in_help_has_the_job_name_of_the_shipped_configuration
 
 def test_listen_address_may_be_repeated():
     given = ["--web.listen-address", ":1", "--web.listen-address", "[::1]:2"]
-    assert flags.parse(given).listen_addresses == [":1", "[::1]:2"]
+    assert flags.parse(given).web_listen_address == [":1", "[::1]:2"]
 
 
 def test_the_database_is_in_systemds_folder_or_in_data(monkeypatch):
@@ -97,4 +97,8 @@ def test_what_excludes_or_needs_something_else_is_named(capsys):
 
 def test_what_changes_something_by_the_web_is_off_unless_it_is_asked_for():
     options = flags.parse([])
-    assert (options.lifecycle, options.actions, options.listen_addresses) == (False, False, None)
+    assert (
+        options.web_enable_lifecycle,
+        options.web_enable_actions,
+        options.web_listen_address,
+    ) == (False, False, None)

@@ -1,7 +1,7 @@
 """robots.d and maintenance.d: robots and downtimes as files of their own."""
 
 from ros_diagnostics_exporter.config import yaml_file
-from ros_diagnostics_exporter.config.load import load, sources
+from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.robots.maintenance import lasting
 
 A = "fleet: demo\nrobots: [{name: a, domain_id: 1}]\n"
@@ -36,7 +36,7 @@ def test_robot_that_leaves_the_folder_is_gone_at_the_next_load(fleet_of, tmp_pat
     (tmp_path / "robots.d/b.yml").unlink()
     after = load(tmp_path / "fleet.yml")
     assert [robot.name for robot in after.robots] == ["a"]
-    assert tmp_path / "robots.d/b.yml" not in sources(after)
+    assert tmp_path / "robots.d/b.yml" not in after.sources
 
 
 def test_robot_that_leaves_while_the_folder_is_read_is_gone(fleet_of, monkeypatch, tmp_path):

@@ -3,6 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Check, Profile
+from ros_diagnostics_exporter.config.keys import Entry
 
 
 @pytest.mark.parametrize(
@@ -69,3 +70,9 @@ def test_threshold_is_checked_wherever_it_stands(errors_of):
     """)
     assert len(found) == 2
     assert all(line.endswith("is not a key; use one of warning, critical") for line in found)
+
+
+def test_an_entry_whose_types_are_texts_is_not_made():
+    """An unknown key inside of such a type would have no suggestion."""
+    with pytest.raises(TypeError, match=r"Typo\.name has a type as text"):
+        type("Typo", (Entry,), {"__annotations__": {"name": "str"}})

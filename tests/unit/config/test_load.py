@@ -5,10 +5,12 @@ import socket
 from pathlib import Path
 
 import pytest
+import yaml
 
+from ros_diagnostics_exporter.config import yaml_file
 from ros_diagnostics_exporter.config.capabilities import in_order
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.load import load, sources
+from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.queries import component_name
 
 MIXED = Path(__file__).parents[3] / "docs" / "examples" / "mixed-fleet" / "fleet.yml"
@@ -203,6 +205,13 @@ def test_a_list_of_many_problems_is_cut(fleet_of, problem, number, more):
     assert len(caught.value.text(3).splitlines()) == 4
 
 
+def test_too_many_values_are_rejected_before_they_take_memory(fleet_of, monkeypatch):
+    monkeypatch.setattr(yaml_file, "MAX_VALUES", 10)
+    monkeypatch.setattr(yaml, "compose", lambda *_arguments, **_more: pytest.fail("is composed"))
+    with pytest.raises(ConfigError, match=r"fleet.yml:3: has more than 10 keys and values"):
+        fleet_of("fleet: demo\nrobots: [{name: a},\n{name: b}, {name: c}, {name: d}]\n")
+
+
 def test_a_long_key_is_shortened(fleet_of):
     with pytest.raises(ConfigError) as caught:
         fleet_of(f"fleet: demo\n? {'k' * 1_000_000}\n: 1\n")
@@ -221,8 +230,9 @@ def test_a_list_of_many_warnings_is_cut(fleet_of):
 def test_sources_are_the_same_for_a_fleet_a_path_and_a_broken_file(fleet_of, tmp_path):
     path = tmp_path / "fleet.yml"
     expected = (path, *(tmp_path / f"{each}.d" for each in ("robots", "maintenance", "queries")))
-    assert sources(fleet_of(DEMO)) == sources(path) == expected
-    path.write_text("fleet: [")
-    assert sources(path) == (path,)
-    path.write_text("fleet: 3")
-    assert sources(path) == expected
+    assert fleet_of(DEMO).sources == load(path).sources == expected
+    for broken, read in (("fleet: [", (path,)), ("fleet: 3", expected)):
+        path.write_text(broken)
+        with pytest.raises(ConfigError) as caught:
+            load(path)
+        assert caught.value.sources == read

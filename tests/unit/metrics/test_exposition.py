@@ -43,7 +43,6 @@ from ros_diagnostics_exporter.metrics.cache import STATES
 from ros_diagnostics_exporter.metrics.self_metrics import (
     EOF,
     EXPORTER_FAMILIES,
-    Exporter,
     SelfMetrics,
 )
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
@@ -527,19 +526,27 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     )
     canary = Canary(Instant(-FIRST, 0.0))
     canary.tick(300.0, driver.now)
-    ros = ("jazzy", "rmw_fastrtps_cpp")
     loops = [Loop("tick", 1.0, driver.now.count)]
-    exporter = Exporter(
-        *(driver.state, driver.exposition, listener, part, part, part, canary, ros),
-        lambda: loops,
-        lambda: [
-            Outcome(Query("up", "node"), "", rows=2, skipped=3),
-            Outcome(Query("up", "down"), "bad"),
-            Outcome(Query("up", "new")),
-        ],
+    outcomes = [
+        Outcome(Query("up", "node"), "", rows=2, skipped=3),
+        Outcome(Query("up", "down"), "bad"),
+        Outcome(Query("up", "new")),
+    ]
+    exporter = SimpleNamespace(
+        state=driver.state,
+        exposition=driver.exposition,
+        listener=listener,
+        reloader=part,
+        storage=part,
+        alertmanager=part,
+        canary=canary,
+        ros=("jazzy", "rmw_fastrtps_cpp"),
+        loops=lambda: loops,
+        outcomes=lambda: outcomes,
+        scrapes=0,
         scrape_seconds=6.5,
+        week=WEEK,
     )
-    exporter.week = WEEK
     return SelfMetrics(exporter)
 
 

@@ -7,7 +7,7 @@ import bcrypt
 import pytest
 
 from ros_diagnostics_exporter.web import middleware
-from ros_diagnostics_exporter.web.middleware import Bucket, Buckets
+from ros_diagnostics_exporter.web.middleware import Buckets
 from ros_diagnostics_exporter.web.server import Server
 from support.web_server import FakeBackend, ask, reloaded, wait_until
 
@@ -203,7 +203,7 @@ def test_the_number_of_rate_limited_clients_is_limited():
 
 
 def test_a_bucket_refills_up_to_its_burst():
-    bucket = Bucket()
-    assert [bucket.take(1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
-    assert [bucket.take(1.0, 2, 101.0) for _ in range(2)] == [True, False]
-    assert [bucket.take(1.0, 2, 900.0) for _ in range(3)] == [True, True, False]
+    buckets = Buckets()
+    assert [buckets.take("a", 1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
+    assert [buckets.take("a", 1.0, 2, 101.0) for _ in range(2)] == [True, False]
+    assert [buckets.take("a", 1.0, 2, 900.0) for _ in range(3)] == [True, True, False]

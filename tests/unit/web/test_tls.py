@@ -127,7 +127,7 @@ def test_tls_cannot_be_switched_on_while_running(serve, web_config, caplog):
 
 def test_the_server_chooses_the_cipher_suite_unless_the_client_shall(web_config):
     for line, chooses in (((), True), (("prefer_server_cipher_suites: false",), False)):
-        context = LiveWebConfig(web_config(*line)).context
+        context = LiveWebConfig(web_config(*line)).context.current
         assert bool(context.options & ssl.OP_CIPHER_SERVER_PREFERENCE) is chooses
 
 
