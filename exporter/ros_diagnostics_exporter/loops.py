@@ -21,9 +21,51 @@ log = logging.getLogger(__name__)
 LOG_INTERVAL = 60.0  # seconds between two lines about a loop whose turns fail
 
 
-def read_clocks() -> Instant:
-    """Both clocks, now."""
-    return Instant(time.monotonic(), time.time())
+class Clocks:
+    """Both clocks, the monotonic one without the time in which this process stood still.
+
+    A machine that is overloaded, or a virtual one that moves, stops the process for seconds; the
+    robots go on. Nothing was received meanwhile, so nothing is known of that time: it confirms no
+    fault, and no robot is silent for it. It is noticed while something reads the clocks a few times
+    a second, between `keep_watch` and `end_watch`.
+    """
+
+    LONGEST = 2.0  # seconds between two readings of a process that runs
+
+    def __init__(self, monotonic: Callable[[], float] = time.monotonic) -> None:
+        self._monotonic = monotonic
+        self._lock = threading.Lock()
+        self._watches = 0
+        self._last = monotonic()
+        self._stood_still = 0.0
+
+    def read(self) -> Instant:
+        """Both clocks, now."""
+        with self._lock:
+            now = self._monotonic()
+            pause, self._last = now - self._last, now
+            stood_still = self._watches > 0 and pause > self.LONGEST
+            # The rest counts, so that time goes on where every turn takes that long.
+            self._stood_still += pause - self.LONGEST if stood_still else 0.0
+            mono = now - self._stood_still
+        if stood_still:
+            log.warning("this process stood still for %.1f s, of which %.0f s count", pause, self.LONGEST)
+        return Instant(mono, time.time())
+
+    def keep_watch(self) -> None:
+        """From now on the clocks are read a few times a second."""
+        self.read()
+        with self._lock:
+            self._watches += 1
+
+    def end_watch(self) -> None:
+        """They are no longer."""
+        with self._lock:
+            self._watches -= 1
+
+
+_CLOCKS = Clocks()  # of this process: its sources, its judgement and its pages share the time
+read_clocks, keep_watch, end_watch = _CLOCKS.read, _CLOCKS.keep_watch, _CLOCKS.end_watch
 
 
 def _nothing() -> None:

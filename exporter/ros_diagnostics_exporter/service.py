@@ -31,7 +31,7 @@ from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.loops import Loop, read_clocks
+from ros_diagnostics_exporter.loops import Loop, end_watch, keep_watch, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, SelfMetrics
 from ros_diagnostics_exporter.metrics.week import Week
@@ -133,6 +133,7 @@ class Service:
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
         self.join()
+        keep_watch()
         for loop in (self._tick_loop, self._join_loop):
             loop.start()
         self.reloader.start()
@@ -302,6 +303,7 @@ class Service:
 
     def stop(self) -> None:
         """Write the state, leave the domains, and write what they brought meanwhile."""
+        end_watch()
         changing = (self.reloader.loop, self._join_loop, self._tick_loop)
         for loop in (*self._others, *changing):
             loop.ask_to_stop()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from ros_diagnostics_exporter import loops
-from ros_diagnostics_exporter.loops import Loop
+from ros_diagnostics_exporter.loops import Clocks, Loop
 from testbed.polling import until
 
 
@@ -100,3 +100,16 @@ def test_a_loop_that_waits_does_not_hang_and_can_be_woken(work):
 def test_one_that_was_not_started_stops(work):
     assert Loop("never", 1, work.turn).stop(0)
     assert work.turns == 0
+
+
+def test_the_time_in_which_the_process_stood_still_does_not_count(caplog):
+    readings = iter([0.0, 0.0, 0.25, 25.25, 25.5, 100.0, 101.0, 200.0, 300.0])
+    clocks = Clocks(lambda: next(readings))
+    clocks.keep_watch()
+    assert clocks.read().mono == 0.25
+    assert clocks.read().mono == 2.25  # 25 s later
+    assert clocks.read().mono == 2.5
+    assert "this process stood still for 25.0 s" in caplog.text
+    assert clocks.read().mono == 4.5
+    clocks.end_watch()
+    assert [clocks.read().mono for _ in range(3)] == [5.5, 104.5, 204.5]  # nobody reads it often

@@ -1,0 +1,32 @@
+"""A pause of the exporter's process is no behaviour of the robots."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+
+from testbed.polling import until
+
+pytestmark = pytest.mark.integration
+
+PAUSE = 12.0  # seconds: longer than stale_after and confirm_after together
+
+
+def test_robots_that_send_while_the_exporter_stands_still_are_neither_silent_nor_flapping(site):
+    exporter = site.serve()
+    site.start_robots(3)
+    until(lambda: site.up() == 3, exporter.describe, 60)
+
+    for number in range(1, 4):
+        exporter.signal(signal.SIGSTOP)
+        # What is measured is the time itself: nothing tells when a stopped process has been so.
+        time.sleep(PAUSE)
+        exporter.signal(signal.SIGCONT)
+        until(lambda n=number: exporter.output().count("stood still") == n, exporter.describe, 30)
+        until(lambda: site.up() == 3, exporter.describe, 30)
+
+    found = [each for each in site.ask("/api/v1/events")["events"] if each["kind"] == "robot"]
+    assert "silent" not in {each["after"] for each in found}
+    assert site.ask("/api/v1/faults")["faults"] == []
