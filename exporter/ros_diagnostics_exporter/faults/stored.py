@@ -14,7 +14,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.model import DOWNTIMES, LEARNED, Row
 from ros_diagnostics_exporter.faults.records import SLOTS
-from ros_diagnostics_exporter.sources.graph import Learned
+from ros_diagnostics_exporter.sources.robot_graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served; NaN does
 # not.

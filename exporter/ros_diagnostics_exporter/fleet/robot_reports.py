@@ -377,7 +377,8 @@ class RobotReports:
         """The component as it is judged: well, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
         quiet = self._quiet(component)
-        if self.robot.network.lossy and component.feed is None and level is Level.STALE:
+        is_late = level is Level.STALE and not component.stale_at_source
+        if self.robot.network.lossy and component.feed is None and is_late:
             quiet = Quiet("messages are lost", known=False)
         if quiet is None or level is Level.OK:
             return ComponentReport(name, level, settings)

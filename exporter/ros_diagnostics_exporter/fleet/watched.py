@@ -24,10 +24,11 @@ from ros_diagnostics_exporter.model import (
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph import GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
+from ros_diagnostics_exporter.sources.robot_graph import Report
 
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 

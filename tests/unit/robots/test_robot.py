@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.model import Endpoint, Status
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GROUP
+from ros_diagnostics_exporter.sources.robot_graph import GROUP
 from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, WALL, WARN, StateDriver, tree
 
 # -- history --------------------------------------------------
