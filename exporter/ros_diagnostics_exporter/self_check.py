@@ -88,7 +88,8 @@ class SelfCheck:
                 yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
 
     def _unmatched(self, now: Instant) -> OwnReport:
-        found = [str(each) for each in self._exporter.state.unmatched.entries]
+        state = self._exporter.state  # without robots that is what is wrong
+        found = [str(each) for each in state.unmatched.entries] if state.robots else []
         is_known = bool(found) or now.mono - self._started.mono > _MATCHED
         why = f"{len(found)} match nothing, and are not in force: {_named(found)}"
         return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
@@ -97,6 +98,8 @@ class SelfCheck:
         state = self._exporter.state
         is_known = bool(state.robots) or state.settled(now)
         why = "none is known: fleet.yml declares none, and none is discovered"
+        if state.unclaimed:
+            why += f"; no entry takes {_named(list(map(str, state.unclaimed)))}"
         is_wrong = not state.robots
         return _warning("robots", why, is_wrong=is_wrong, is_known=is_known, confirm_after=SLOW)
 

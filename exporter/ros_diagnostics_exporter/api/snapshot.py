@@ -106,6 +106,7 @@ def fleet_snapshot(state: FleetState, now: Instant, care: Care = NOBODY) -> dict
         "problems": problems.get("", []),
         "capabilities": fleet_capabilities(state),
         "unmatched": [asdict(each) for each in state.unmatched.entries],
+        "unclaimed": [each._asdict() for each in state.unclaimed],
         "robots": [
             {
                 **robot,

@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.model import (
     Instant,
     Stream,
     Topic,
+    Unclaimed,
     place,
 )
 from ros_diagnostics_exporter.robots.limits import truncate_array
@@ -54,6 +55,12 @@ class WatchedFleet(ABC):
         """The topics to be subscribed in a domain: name -> whether robots share it."""
         with self._lock:
             return dict(self._registry.wanted_topics(domain_id))
+
+    @property
+    def unclaimed(self) -> list[Unclaimed]:
+        """The topics of diagnostics that no entry of fleet.yml takes."""
+        with self._lock:
+            return self._registry.unclaimed.entries
 
     def domain_joined(self, domain_id: Domain) -> None:
         """Note that a domain was joined."""
