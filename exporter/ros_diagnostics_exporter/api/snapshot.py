@@ -284,7 +284,7 @@ def _robot(
         "address": settings.address,
         "domain_id": settings.domain_id,
         "namespace": settings.namespace,
-        "topic": settings.topic_agg or settings.topic_raw,
+        "topic": robot.topic or None,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
         "work": work(abilities) if robot.up else "",

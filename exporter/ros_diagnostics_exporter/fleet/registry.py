@@ -318,7 +318,7 @@ class RobotRegistry:
         """(name, whether robots share it) of a domain's topics to be subscribed."""
         for topic, bound in self.bindings.items():
             own = topic.domain_id == domain_id and topic not in self.shared_topics
-            if own and any(accepts(robot.source, raw=raw) for robot, raw in bound):
+            if own and any(robot.wants(raw=raw) for robot, raw in bound):
                 yield topic.name, False
         yield from ((each.name, True) for each in self.shared_topics if each.domain_id == domain_id)
 

@@ -84,7 +84,7 @@ def known_robot(robot: RobotState) -> KnownRobot:
         name=settings.name,
         labels=settings.labels,
         domain_id=settings.domain_id,
-        topic=settings.topic_agg or settings.topic_raw or "",
+        topic=robot.topic,
         profile=settings.profile.name,
         components=tuple(
             (each.group, each.name, () if each.last is None else _keys(each.last.values))
