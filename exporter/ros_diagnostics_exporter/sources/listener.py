@@ -118,8 +118,18 @@ class Listener:
         """Why domains are not joined, by domain."""
         return {each: domain.error for each, domain in self._domains.items() if domain.error}
 
+    @property
+    def troubles(self) -> Mapping[Domain, str]:
+        """Why domains are not received, by domain; "" where nothing is wrong."""
+        return {each: domain.trouble for each, domain in self._domains.items()}
+
+    @property
+    def oddities(self) -> Mapping[Domain, str]:
+        """What domains have that cannot be read, and is left out."""
+        return {each: domain.odd for each, domain in self._domains.items()}
+
     def not_ready_reason(self, wanted: Iterable[Domain]) -> str | None:
-        """Why messages of these domains are not subscribed to; None when they are."""
+        """Why messages of these domains are not received; None when they are."""
         failed, joining, looks = self.errors, self.joining, self.last_looks
         if failed:
             return "; ".join(f"cannot join {place(each)}: {why}" for each, why in failed.items())
@@ -127,6 +137,9 @@ class Listener:
             return f"{', '.join(map(place, joining))} is still being joined"
         if not all(looks.get(each) for each in wanted):
             return "the ROS graph has not been looked at yet"
+        troubles = {each: why for each, why in self.troubles.items() if why}
+        if troubles:
+            return "; ".join(f"{place(each)}: {why}" for each, why in troubles.items())
         since = time.monotonic() - STALLED
         turns = ((each, of.last_turn) for each, of in self._domains.items() if of.joined)
         stalled = [place(each) for each, last_turn in turns if last_turn < since]

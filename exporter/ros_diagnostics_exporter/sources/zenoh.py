@@ -244,7 +244,7 @@ class ZenohNetwork(Reception):
             key = keys.get(name) or (topic.offer if topic else name.removeprefix("/"))
             self.want(name, key, shared=shared)
             yield
-        self.last_look = now.wall
+        self.complete_look(now)
 
     def _endpoints(
         self, tokens: list[Token], publishers: list[Token], wanted: Mapping[str, bool]
