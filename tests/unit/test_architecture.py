@@ -42,7 +42,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("fleet",),
         ("capsules", "storage"),
         ("metrics",),
-        ("self_check",),
+        ("joining", "self_check"),
         ("api",),
         ("web",),
         ("service",),

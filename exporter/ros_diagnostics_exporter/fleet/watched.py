@@ -72,6 +72,15 @@ class WatchedFleet(ABC):
         with self._lock:
             self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
 
+    def received_since(self, domain_id: Domain, mono: float) -> list[bool]:
+        """Of each robot of a domain that was received since then whether it is up."""
+        with self._lock:
+            return [
+                robot.up
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id and (robot.last_mono or 0.0) > mono
+            ]
+
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():

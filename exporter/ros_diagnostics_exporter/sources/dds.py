@@ -19,6 +19,7 @@ from typing_extensions import override
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
+from ros_diagnostics_exporter.sources.addresses import update_fast_dds
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
@@ -149,6 +150,7 @@ class DdsDomain(Reception):
     def join(self) -> None:
         """A node without parameter and type description services and without /rosout."""
         check_ros()
+        update_fast_dds()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
         self._node = _make_node(

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import ZENOH, Domain, place
+from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
 from ros_diagnostics_exporter.sources.reception import Receiver, Reception
 from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
@@ -38,6 +39,7 @@ class Listener:
         self._receiver = receiver
         self._log_folder: TemporaryDirectory[str] | None = None
         self._domains: dict[Domain, Reception] = {}  # in the order of the config
+        self._addresses: frozenset[str] = frozenset()  # of this machine, when last asked
         self._joining = threading.Lock()
         self._counting = threading.Lock()
         self.decode_seconds = 0.0
@@ -56,6 +58,30 @@ class Listener:
         """Leave all domains."""
         self._join({})
 
+    def find_outdated(self) -> list[Domain]:
+        """The DDS domains that were joined with other addresses than this machine has now.
+
+        None until the addresses are the same at two calls: they may come one by one.
+        """
+        before, self._addresses = self._addresses, local_addresses()
+        return [
+            each
+            for each, domain in self._domains.items()
+            if before == self._addresses != domain.addresses and domain.joined and each != ZENOH
+        ]
+
+    def leave(self, domains: Iterable[Domain]) -> None:
+        """Leave these domains, which `follow` joins anew."""
+        with self._joining:
+            self._leave([self._domains[each] for each in domains])
+
+    def _leave(self, leaving: list[Reception]) -> None:
+        for domain in leaving:
+            domain.loop.ask_to_stop()
+        deadline = time.monotonic() + LEAVE_TIME
+        for domain in leaving:
+            domain.wait(max(0.0, deadline - time.monotonic()))
+
     def _join(self, wanted: Mapping[Domain, Zenoh | None]) -> None:
         with self._joining:
             leaving = [
@@ -63,11 +89,7 @@ class Listener:
                 for each, domain in self._domains.items()
                 if each not in wanted or domain.settings != wanted[each]
             ]
-            for domain in leaving:
-                domain.loop.ask_to_stop()
-            deadline = time.monotonic() + LEAVE_TIME
-            for domain in leaving:
-                domain.wait(max(0.0, deadline - time.monotonic()))
+            self._leave(leaving)
             alive = {each: domain for each, domain in self._domains.items() if domain.alive}
             new = {
                 each: self._new(each, settings)
@@ -97,6 +119,11 @@ class Listener:
     def domain_ids(self) -> tuple[Domain, ...]:
         """The domains that are joined."""
         return tuple(each for each, domain in self._domains.items() if domain.joined)
+
+    @property
+    def joined_at(self) -> Mapping[Domain, float]:
+        """When the DDS domains were joined, monotonic; infinity: not yet."""
+        return {each: of.joined_at for each, of in self._domains.items() if each != ZENOH}
 
     @property
     def joining(self) -> tuple[Domain, ...]:

@@ -14,11 +14,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
@@ -161,6 +163,8 @@ class Reception(ABC):
         self.last_look = 0.0  # Unix time
         self._looked = 0.0  # when the graph was last looked at in full, or joined, monotonic
         self.last_turn = 0.0
+        self.joined_at = inf  # monotonic
+        self.addresses: frozenset[str] = frozenset()  # of this machine when it was joined
         self.look_at = 0.0  # when the graph is looked at again, monotonic
         self._domain = domain
         self._count = count
@@ -246,12 +250,13 @@ class Reception(ABC):
             return
         if time.monotonic() < self.look_at:
             return
+        self.addresses = local_addresses()
         try:
             self.join()
         except Exception as error:  # noqa: BLE001 - whatever the middleware raises; others go on
             self.give_up(error)
             return
-        self.last_turn = self._looked = time.monotonic()
+        self.last_turn = self._looked = self.joined_at = time.monotonic()
         self._is_open = True
         if not (self.loop.stopping or self.error):
             self.receiver.domain_joined(self._domain)

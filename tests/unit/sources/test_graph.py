@@ -622,7 +622,7 @@ def test_every_row_that_is_written_can_be_read(nodes, topics, messages):
     site.look(1, "diag", **topics)
     (row,) = site.rows.values()
     read, wrong = parse(json.loads(json.dumps([[LEARNED, ["r"], row]])))
-    assert wrong == ""
+    assert wrong == []
     again = Site(site.graph)
     again.watch.restore({"r": read[0].fields}, again.now)
     again.look(1, "diag")
@@ -639,4 +639,4 @@ def test_what_a_person_accepts_of_twelve_publishers_can_be_read(site):
     site.look(70, *USUAL, diagnostics=CHAT._replace(mismatches=(why,)))
     assert site.problems == {}
     _read, wrong = parse([[LEARNED, ["r"], site.rows["r"]]])
-    assert wrong == ""
+    assert wrong == []
