@@ -212,7 +212,8 @@ class RobotState:
         if self.settings.source is config.Source.AUTO:
             before, self.source = self.source, self._auto.decide(self.source, now, raw=raw)
             self._is_switched = (before, self.source) == (config.Source.BOTH, config.Source.AGG)
-        return self.source is not config.Source.AUTO and accepts(self.source, raw=raw)
+        other = config.Source.AGG if raw else config.Source.RAW
+        return self.source not in (config.Source.AUTO, other)
 
     def wants(self, *, raw: bool) -> bool:
         """Whether this kind of topic is subscribed: with ``auto`` an aggregate may still come."""
