@@ -49,7 +49,9 @@ class Clocks:
             self._stood_still += pause - self.LONGEST if stood_still else 0.0
             mono = now - self._stood_still
         if stood_still:
-            log.warning("this process stood still for %.1f s, of which %.0f s count", pause, self.LONGEST)
+            log.warning(
+                "this process stood still for %.1f s, of which %.0f s count", pause, self.LONGEST
+            )
         return Instant(mono, time.time())
 
     def keep_watch(self) -> None:

@@ -124,6 +124,19 @@ class Topic(NamedTuple):
     name: str
 
 
+class Unclaimed(NamedTuple):
+    """Topics of one robot that nobody monitors, and what to write below ``robots`` of fleet.yml."""
+
+    domain_id: Domain
+    topics: tuple[str, ...]
+    entry: str
+
+    def __str__(self) -> str:
+        """One line, for people."""
+        topics = " and ".join(self.topics)
+        return f"{topics} in {place(self.domain_id)}; to monitor it, add to robots: - {self.entry}"
+
+
 class Stream(NamedTuple):
     """What is kept together of what is received: messages of one topic and type.
 

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from ros_diagnostics_exporter.faults.model import OwnReport
 from ros_diagnostics_exporter.fleet.unmatched import GRACE
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter
-from ros_diagnostics_exporter.model import Domain, Instant, Level, place
+from ros_diagnostics_exporter.model import Instant, Level, place
 
-STALLED = 30.0  # seconds without a look at a ROS graph, which is looked at each second
 HANGS = 60.0  # seconds without a turn of a loop, beside its interval
 FULL = 0.9  # of the limit of series
 RECENT = 600.0  # seconds for which it matters that something was rejected
@@ -36,7 +35,7 @@ class SelfCheck:
 
     def reports(self, now: Instant) -> list[OwnReport]:
         """All parts as they are now; of what is wrong the message says on which host."""
-        parts = [*self._files(), *self._servers(now), *self._domains(now), *self._loops(now)]
+        parts = [*self._files(), *self._servers(now), *self._domains(), *self._loops(now)]
         parts += [self._unmatched(now), self._robots(now), self._series(), self._rejections(now)]
         return [
             each._replace(message=f"{each.message};\non host {self._host}")
@@ -68,18 +67,13 @@ class SelfCheck:
             is_known = bool(failed) or all(each.error is not None for each in outcomes)
             yield _warning("queries", why, is_wrong=bool(failed), is_known=is_known)
 
-    def _domains(self, now: Instant) -> Iterator[OwnReport]:
+    def _domains(self) -> Iterator[OwnReport]:
+        troubles, oddities = self._exporter.listener.troubles, self._exporter.listener.oddities
         for domain in self._exporter.state.fleet.domain_ids:
-            why = self._why_not_received(domain, now)
-            yield OwnReport(place(domain), Level.ERROR if why else Level.OK, why)
-
-    def _why_not_received(self, domain: Domain, now: Instant) -> str:
-        listener = self._exporter.listener
-        if domain not in listener.domain_ids:
-            return f"it is not joined: {listener.errors.get(domain, 'it is still being joined')}"
-        if now.wall - listener.last_looks.get(domain, 0.0) > STALLED:
-            return f"its ROS graph was not looked at for more than {STALLED:.0f} s"
-        return ""
+            why = troubles.get(domain, "it is not joined yet")
+            odd = oddities.get(domain, "")
+            level = Level.ERROR if why else Level.WARN if odd else Level.OK
+            yield OwnReport(place(domain), level, why or odd)
 
     def _loops(self, now: Instant) -> Iterator[OwnReport]:
         for loop in self._exporter.loops():
@@ -90,7 +84,8 @@ class SelfCheck:
                 yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
 
     def _unmatched(self, now: Instant) -> OwnReport:
-        found = [str(each) for each in self._exporter.state.unmatched.entries]
+        state = self._exporter.state  # without robots that is what is wrong
+        found = [str(each) for each in state.unmatched.entries] if state.robots else []
         is_known = bool(found) or now.mono - self._started.mono > _MATCHED
         why = f"{len(found)} match nothing, and are not in force: {_named(found)}"
         return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
@@ -99,6 +94,8 @@ class SelfCheck:
         state = self._exporter.state
         is_known = bool(state.robots) or state.settled(now)
         why = "none is known: fleet.yml declares none, and none is discovered"
+        if state.unclaimed:
+            why += f"; no entry takes {_named(list(map(str, state.unclaimed)))}"
         is_wrong = not state.robots
         return _warning("robots", why, is_wrong=is_wrong, is_known=is_known, confirm_after=SLOW)
 

@@ -31,11 +31,12 @@ from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.forgetting import Forgetting
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.joining import Joining
 from ros_diagnostics_exporter.loops import Loop, end_watch, keep_watch, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, SelfMetrics
 from ros_diagnostics_exporter.metrics.week import Week
-from ros_diagnostics_exporter.model import Part, Person, place
+from ros_diagnostics_exporter.model import Part, Person
 from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.silences import Acknowledgement
@@ -59,14 +60,12 @@ class Service:
     CHECK = 1.0  # seconds between two judgements of the exporter itself
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
-    FOLLOW = 1.0  # ... of the one that joins domains
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
     WEEK = 60.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
-    JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
 
@@ -98,10 +97,8 @@ class Service:
         self.alertmanager = alertmanager
         self._forgetting = Forgetting(self.state, alertmanager)
         self._asked = threading.Event()  # Alertmanager, once
-        self._configured = threading.Event()  # anew; its domains are not joined yet
         self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
         self._storage_loop = Loop("storage", self.SAVE, self._save)
-        self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
         self._others = [
             Loop("unmatched", self.UNMATCHED, lambda: self.state.find_unmatched(read_clocks())),
@@ -113,11 +110,12 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = self._check_at = now.mono
+        self._adopt_at = self._forget_at = self._check_at = now.mono
         self.exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self.listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
         self._sources: tuple[ArraySource, ...] = (self.listener, self._prometheus)
+        self._joining = Joining(self.state, self.listener, self._sources)
         self.ros = describe_ros()
         self.scrapes, self.scrape_seconds = 0, 0.0
         self.week: Week | None = None
@@ -132,9 +130,9 @@ class Service:
             self.state.plan((), read_clocks())  # nobody could cancel those of the database
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
-        self.join()
+        self._joining.join()
         keep_watch()
-        for loop in (self._tick_loop, self._join_loop):
+        for loop in (self._tick_loop, self._joining.loop):
             loop.start()
         self.reloader.start()
 
@@ -144,7 +142,7 @@ class Service:
 
     def loops(self) -> list[Loop]:
         """All loops that there are now."""
-        own = [self._tick_loop, self._storage_loop, self._join_loop, self.reloader.loop]
+        own = [self._tick_loop, self._storage_loop, self._joining.loop, self.reloader.loop]
         return [
             *own,
             *self._others,
@@ -225,17 +223,6 @@ class Service:
         faults = read_firing(firing, self.state.fleet.name, self.state.fleet.exporter)
         self.state.adopt(self._forgetting.without_forgotten(faults), read_clocks())
 
-    def join(self) -> None:
-        """Have all sources follow the config; a domain that cannot be joined is tried again.
-
-        Does not wait until they are joined, and at most some seconds until others are left.
-        """
-        self._join_at = read_clocks().mono + self.JOIN
-        for source in self._sources:
-            source.follow(self.state.fleet)
-        for domain_id in self.listener.domain_ids:
-            self.state.domain_joined(domain_id)
-
     def tick(self) -> None:
         """Let time pass; called every ``TICK`` seconds."""
         now = read_clocks()
@@ -246,18 +233,6 @@ class Service:
         self.canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self.reloader.tick()
-
-    def _follow_domains(self) -> None:
-        """Join what the config adds and what could not be joined; leaving takes some seconds."""
-        now = read_clocks()
-        if self._configured.is_set():
-            self._configured.clear()
-            self.join()
-        elif now.mono >= self._join_at and self.listener.domain_ids != self.state.fleet.domain_ids:
-            for domain_id in self.listener.joining:
-                log.warning("%s is still being joined", place(domain_id))
-                self.state.domain_failed(domain_id, "it is still being joined", now)
-            self.join()
 
     def _record_events(self) -> None:
         with self._recording:  # so that they are recorded in order
@@ -296,15 +271,12 @@ class Service:
         self.state.configure(fleet, read_clocks())
         if self._capsules is not None:
             self._capsules.configure(fleet.capsules)
-        for domain_id in self.listener.domain_ids:  # also for robots that are new
-            self.state.domain_joined(domain_id)
-        self._configured.set()
-        self._join_loop.wake()
+        self._joining.configured()
 
     def stop(self) -> None:
         """Write the state, leave the domains, and write what they brought meanwhile."""
         end_watch()
-        changing = (self.reloader.loop, self._join_loop, self._tick_loop)
+        changing = (self.reloader.loop, self._joining.loop, self._tick_loop)
         for loop in (*self._others, *changing):
             loop.ask_to_stop()
         deadline = time.monotonic() + self.GRACE

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.model import Unclaimed
 from ros_diagnostics_exporter.texts import natural
 
 SEVERITIES = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
@@ -398,6 +399,11 @@ def query_text(query: Mapping[str, Any]) -> str:
     answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
     how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
     return f"{query['name']}: {how}"
+
+
+def unclaimed_texts(fleet: Mapping[str, Any]) -> list[str]:
+    """The topics of /api/v1/fleet that no entry of fleet.yml takes, with the entry to paste."""
+    return [f"{Unclaimed(**each)}" for each in fleet.get("unclaimed", ())]
 
 
 def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:

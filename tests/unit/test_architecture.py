@@ -42,7 +42,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("fleet",),
         ("capsules", "storage"),
         ("metrics",),
-        ("forgetting", "self_check"),
+        ("forgetting", "joining", "self_check"),
         ("api",),
         ("web",),
         ("service",),
@@ -100,6 +100,7 @@ WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.sources.dds",
     f"{EXPORTER}.sources.dds_endpoints",
+    f"{EXPORTER}.sources.dds_names",
     f"{EXPORTER}.sources.dds_watch",
     "virtual_robots.ros.contexts",
     "virtual_robots.ros.transport",

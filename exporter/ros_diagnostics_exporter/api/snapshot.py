@@ -106,6 +106,7 @@ def fleet_snapshot(state: FleetState, now: Instant, care: Care = NOBODY) -> dict
         "problems": problems.get("", []),
         "capabilities": fleet_capabilities(state),
         "unmatched": [asdict(each) for each in state.unmatched.entries],
+        "unclaimed": [each._asdict() for each in state.unclaimed],
         "robots": [
             {
                 **robot,
@@ -283,7 +284,7 @@ def _robot(
         "address": settings.address,
         "domain_id": settings.domain_id,
         "namespace": settings.namespace,
-        "topic": settings.topic_agg or settings.topic_raw,
+        "topic": robot.topic or None,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
         "work": work(abilities) if robot.up else "",

@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.cli import flags
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import ZENOH
@@ -114,6 +115,9 @@ def _check(options: argparse.Namespace) -> int:
         known = known_from_json(live)
         found = find_unmatched(fleet, known, time.time())
         print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
+        unclaimed = unclaimed_from_json(fleet, live)
+        if unclaimed:
+            print(f"taken by no entry ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
         asked = [*map(query_text, live.get("queries", ()))]
         if asked:
             print(f"queries ({len(asked)}):", *asked, sep="\n  ")  # noqa: T201

@@ -48,7 +48,10 @@ class Watched(Entry):
         default=(),
     )
     log_ends_after: PositiveDuration = described(
-        "How long after the last such message the fault has ended.", example="1h", default=600.0
+        "How long after the last such message the fault has ended; the time runs while the robot's "
+        "nodes are seen.",
+        example="1h",
+        default=600.0,
     )
     transitions: bool = described(
         "Subscribe `~/transition_event` of the robot's nodes: one that is stuck between two states "
@@ -112,8 +115,8 @@ class Graph(Entry):
     )
     max_loss: Loss = described(
         "The share of a robot's messages above which the link is faulty if they are lost, until it "
-        "is below half of that; meanwhile, but for a shadow, no STALE component that the robot "
-        "publishes begins or ends a fault.",
+        "is below half of that; meanwhile, except of a shadow, a component that is STALE because "
+        "it was not received begins and ends no fault.",
         example=0.3,
         default=0.2,
     )

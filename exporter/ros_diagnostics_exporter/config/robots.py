@@ -50,7 +50,7 @@ class Source(str, Enum):
     AGG = "agg"
     RAW = "raw"
     BOTH = "both"  # the tree from the aggregate, changes of level from raw
-    AUTO = "auto"  # the aggregate if there is one, else raw; decided once for a robot
+    AUTO = "auto"  # the aggregate if there is one, else raw; see `robots.reading`
     QUERIES = "queries"  # none: what has no ROS, such as a server
 
 
@@ -60,7 +60,7 @@ SourceOfOne = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "q
 _SOURCE = (
     "Where the components are read from. `agg`: the aggregator's tree. `raw`: what the drivers "
     "publish. `both`: the tree, with changes from raw. `auto`: the tree if one comes within 5 s of "
-    "the first raw message, else raw, decided once."
+    "the first raw message, else raw; when a tree comes later, both for a minute, then the tree."
 )
 # Keys of several entries, each described once.
 _profile = partial(described, default_factory=Profile, written=DEFAULT)

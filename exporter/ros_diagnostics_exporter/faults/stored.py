@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, Presence
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.sources.graph import Learned
+from ros_diagnostics_exporter.sources.robot_graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served; NaN does
 # not.

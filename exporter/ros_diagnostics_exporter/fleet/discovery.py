@@ -20,7 +20,17 @@ def robot_name(discovery: Discovery, topic: str, domain_id: Domain) -> str | Non
         return None
     matched = match.groupdict().get("robot") or ""
     name = _fill(discovery.name, matched, domain_id)
-    return name if _is_included(discovery, name) else None
+    wanted = _is_included(discovery, name) and not _is_excluded(discovery, name)
+    return name if wanted else None
+
+
+def takes(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
+    """Whether a discovery wants a topic, or leaves its robot out by ``exclude``."""
+    match = discovery.pattern.fullmatch(topic)
+    if match is None or domain_id not in discovery.domain_ids:
+        return False
+    name = _fill(discovery.name, match.groupdict().get("robot") or "", domain_id)
+    return _is_excluded(discovery, name) or _is_included(discovery, name)
 
 
 def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) -> Robot:
@@ -41,10 +51,12 @@ def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) 
 
 
 def _is_included(discovery: Discovery, name: str) -> bool:
-    if any(pattern.fullmatch(name) for pattern in discovery.exclude):
-        return False
     included = discovery.include
     return not included or any(pattern.fullmatch(name) for pattern in included)
+
+
+def _is_excluded(discovery: Discovery, name: str) -> bool:
+    return any(pattern.fullmatch(name) for pattern in discovery.exclude)
 
 
 def _fill(template: str, robot: str, domain_id: Domain) -> str:

@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
 from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -41,6 +42,7 @@ class RobotRegistry:
         self._events = events
         self._faults = faults
         self.rejections = FleetRejections()
+        self.unclaimed = UnclaimedWatch(fleet)
         # Discovered, and nothing received from them yet; the longest known first.
         self._not_publishing: OrderedDict[str, RobotState] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
@@ -56,6 +58,7 @@ class RobotRegistry:
         the step, None for one that is not wanted.
         """
         self._fleet = fleet
+        self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
         self.rejections.reset()
         for domain_id, types in self._other_types.items():
@@ -213,6 +216,7 @@ class RobotRegistry:
             for topic in new:
                 if topic not in self.bindings:
                     self._discover(discovery, topic, now)
+        self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
 
     def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> None:
         name = robot_name(discovery, topic.name, topic.domain_id)
@@ -314,7 +318,7 @@ class RobotRegistry:
         """(name, whether robots share it) of a domain's topics to be subscribed."""
         for topic, bound in self.bindings.items():
             own = topic.domain_id == domain_id and topic not in self.shared_topics
-            if own and any(accepts(robot.source, raw=raw) for robot, raw in bound):
+            if own and any(robot.wants(raw=raw) for robot, raw in bound):
                 yield topic.name, False
         yield from ((each.name, True) for each in self.shared_topics if each.domain_id == domain_id)
 

@@ -326,7 +326,8 @@ class RobotReports:
         level, settings = _LEVELS[component.level], self._component_settings(component)
         is_first = component in self._first
         excuse = self._excuse(component)
-        if self.robot.network.lossy and component.feed is None and level is Level.STALE:
+        is_late = level is Level.STALE and not component.stale_at_source
+        if self.robot.network.lossy and component.feed is None and is_late:
             excuse = Quiet("messages are lost", known=False)
         if excuse is None or level is Level.OK:
             return ComponentReport(name, level, settings, is_first)

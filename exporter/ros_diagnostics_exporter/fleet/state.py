@@ -45,7 +45,7 @@ from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW
+from ros_diagnostics_exporter.sources.robot_graph import GROUP, SHADOW
 
 log = logging.getLogger(__name__)
 
@@ -245,6 +245,8 @@ class FleetState(WatchedFleet):
 
     def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
         self.fleet = fleet
+        with self._watching:
+            self._watch.leave_others(fleet.domain_ids)
         self._faults.configure(fleet, now)
         self._feeds = _feeds(fleet)
         for robot in self._registry.configure(fleet, now):
@@ -341,7 +343,7 @@ class FleetState(WatchedFleet):
                 self.plan([Downtime(*each) for each in planned], now)
         with self._watching:
             learned = {row.key[0]: row.fields for row in rows if row.kind == LEARNED and row.key}
-            self._watch.restore(learned)
+            self._watch.restore(learned, now)
         with self._lock:
             others = (DOWNTIMES, LEARNED)
             return self._faults.restore([row for row in rows if row.kind not in others], now)
@@ -446,7 +448,8 @@ class FleetState(WatchedFleet):
         To be called now and then, also where nobody needs them.
         """
         with self._watching:
-            learned = [Row(LEARNED, (name,), each) for name, each in self._watch.take_rows(now)]
+            taken = self._watch.take_rows(self.robots, now)
+            learned = [Row(LEARNED, (name,), each) for name, each in taken]
         with self._lock:
             rows = [*self._faults.take_rows(now), *learned]
             if self._downtimes_changed:

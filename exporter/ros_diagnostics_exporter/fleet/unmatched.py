@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
     topics_of,
 )
 from ros_diagnostics_exporter.config.patterns import written
-from ros_diagnostics_exporter.fleet.discovery import robot_name
+from ros_diagnostics_exporter.fleet.discovery import takes
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.maintenance import selects
@@ -84,7 +84,7 @@ def known_robot(robot: RobotState) -> KnownRobot:
         name=settings.name,
         labels=settings.labels,
         domain_id=settings.domain_id,
-        topic=settings.topic_agg or settings.topic_raw or "",
+        topic=robot.topic,
         profile=settings.profile.name,
         components=tuple(
             (each.group, each.name, () if each.last is None else _keys(each.last.values))
@@ -121,14 +121,15 @@ def known_from_json(fleet: Mapping[str, Any]) -> list[KnownRobot]:
 
 
 def find_unmatched(fleet: Fleet, known: Iterable[KnownRobot], wall: float) -> list[Unmatched]:
-    """The entries that match nothing of what is known, sorted; none until components were received.
+    """The entries that match nothing of what is known, sorted.
 
-    Rules of a profile count once components of its robots were received. Rules that ignore
+    Of robots that are known and were not received yet nothing is said; rules of a profile count
+    once components of its robots were received. Rules that ignore
     components, and downtimes that are over at ``wall`` (Unix seconds), do not count.
     """
     robots = list(known)
     received = [each for each in robots if each.components]
-    if not received:
+    if robots and not received:
         return []
     found = {
         *_sources(fleet, robots),
@@ -152,7 +153,7 @@ def _sources(fleet: Fleet, robots: list[KnownRobot]) -> Iterator[Unmatched]:
 
 def _is_found(discovery: Discovery, robot: KnownRobot) -> bool:
     topics = topics_of(robot.topic, Source.AUTO)
-    return any(each and robot_name(discovery, each, robot.domain_id) for each in topics)
+    return any(each and takes(discovery, each, robot.domain_id) for each in topics)
 
 
 def _maintenance(fleet: Fleet, robots: list[KnownRobot], wall: float) -> Iterator[Unmatched]:

@@ -19,15 +19,17 @@ from ros_diagnostics_exporter.model import (
     Instant,
     Stream,
     Topic,
+    Unclaimed,
     place,
 )
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph import GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
+from ros_diagnostics_exporter.sources.robot_graph import Report
 
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
@@ -54,6 +56,12 @@ class WatchedFleet(ABC):
         with self._lock:
             return dict(self._registry.wanted_topics(domain_id))
 
+    @property
+    def unclaimed(self) -> list[Unclaimed]:
+        """The topics of diagnostics that no entry of fleet.yml takes."""
+        with self._lock:
+            return self._registry.unclaimed.entries
+
     def domain_joined(self, domain_id: Domain) -> None:
         """Note that a domain was joined."""
         self._set_domain_up(domain_id, up=True)
@@ -63,6 +71,15 @@ class WatchedFleet(ABC):
         self._set_domain_up(domain_id, up=False)
         with self._lock:
             self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
+
+    def received_since(self, domain_id: Domain, mono: float) -> list[bool]:
+        """Of each robot of a domain that was received since then whether it is up."""
+        with self._lock:
+            return [
+                robot.up
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id and (robot.last_mono or 0.0) > mono
+            ]
 
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:

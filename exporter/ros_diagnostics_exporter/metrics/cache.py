@@ -214,11 +214,10 @@ class RobotText:
     def _render_inventory(self) -> None:
         robot, settings = self.robot, self.robot.settings
         profile = settings.profile
-        source = settings.topic_agg or settings.topic_raw or ""
         fixed = {
             "ros_namespace": settings.namespace,
             "domain_id": str(settings.domain_id),
-            "topic": source,
+            "topic": robot.topic,
             "profile": profile.name,
             "address": settings.address or "",
         }

@@ -202,6 +202,7 @@ class Components:
             reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
         if component.stale_at_source != (status.level == STALE):
             component.stale_at_source = not component.stale_at_source
+            self.report_again(component)  # also where it was late, and so STALE, before
         if status.hardware_id:
             component.hardware_id = status.hardware_id
         before = component.last_recorded

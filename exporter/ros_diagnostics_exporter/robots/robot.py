@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
+from ros_diagnostics_exporter.robots.reading import AutoSource
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
     REASONS,
@@ -52,7 +53,6 @@ log = logging.getLogger(__name__)
 ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
-AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
 _NO_PUBLISHER = Endpoint(0)
 
 
@@ -169,7 +169,8 @@ class RobotState:
         self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
         self._logged: set[RejectionReason] = set()
         self._events = events
-        self._first_raw: float | None = None
+        self._auto = AutoSource()
+        self._is_switched = False  # to the aggregate, by the array that is received
         self.components = Components(
             settings.profile,
             limits,
@@ -190,7 +191,7 @@ class RobotState:
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
         """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
-            self.source = settings.source
+            self.source, self._auto = settings.source, AutoSource()
             self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
@@ -207,18 +208,35 @@ class RobotState:
     # -- messages ----------------------------------------------------------------------------
 
     def accepts(self, now: Instant, *, raw: bool) -> bool:
-        """Whether arrays of this kind of topic count; the source ``auto`` is decided here, once."""
-        if self.source is not config.Source.AUTO:
-            return self.source is not (config.Source.AGG if raw else config.Source.RAW)
-        if not raw:
-            self.source = config.Source.AGG
-            return True
-        if self._first_raw is None:
-            self._first_raw = now.mono
-        if now.mono - self._first_raw < AUTO_WAIT:
-            return False
-        self.source = config.Source.RAW
-        return True
+        """Whether arrays of this kind of topic count; what ``auto`` means is decided here."""
+        if self.settings.source is config.Source.AUTO:
+            before, self.source = self.source, self._auto.decide(self.source, now, raw=raw)
+            self._is_switched = (before, self.source) == (config.Source.BOTH, config.Source.AGG)
+        other = config.Source.AGG if raw else config.Source.RAW
+        return self.source not in (config.Source.AUTO, other)
+
+    def wants(self, *, raw: bool) -> bool:
+        """Whether this kind of topic is subscribed: with ``auto`` an aggregate may still come."""
+        is_auto = self.settings.source is config.Source.AUTO
+        return accepts(self.source, raw=raw) or (is_auto and not raw)
+
+    @property
+    def topic(self) -> str:
+        """The topic that it is read from; "" where it has no ROS."""
+        raw, aggregated = self.settings.topic_raw, self.settings.topic_agg
+        both = (raw, aggregated) if self.source is config.Source.RAW else (aggregated, raw)
+        return next(filter(None, both), "")
+
+    def _leave_raw(self, now: Instant) -> None:
+        """Go on with the aggregate alone: what it does not list by its name is removed."""
+        self._is_switched = False
+        for component in [each for each in self.components if each.raw_received is not None]:
+            if self._aggregated.lists(component):
+                component.raw_received, component.gaps = None, ()
+            elif query_of(component.identity) is None:
+                self.forget(component, now)
+        message = f"diagnostics are read from {self.topic} in place of {self.settings.topic_raw}"
+        self._events.append(Event(now.wall, "graph", self.settings.name, message=message))
 
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
@@ -236,6 +254,8 @@ class RobotState:
             statuses = statuses[:limit]
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
+        if self._is_switched:
+            self._leave_raw(now)
 
     def _note_received(self, now: Instant) -> None:
         if not self.up:

@@ -102,6 +102,10 @@ class AggregatedUpdates:
         for component in self._missing:
             self._components.mark_missing(component, now)
 
+    def lists(self, component: Component) -> bool:
+        """Whether the last array has a component."""
+        return any(component is each for each, _rows in self._plan)
+
     def reset(self, limits: config.Limits) -> None:
         """Look the components up again at the next array: the config may want others."""
         self._limits = limits

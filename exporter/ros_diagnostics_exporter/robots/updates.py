@@ -13,7 +13,7 @@ from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import STALE, Component, Identity
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
-from ros_diagnostics_exporter.sources.graph import GROUP
+from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 _MARK = "query:"

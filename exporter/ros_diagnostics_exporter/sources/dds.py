@@ -19,6 +19,7 @@ from typing_extensions import override
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
+from ros_diagnostics_exporter.sources.addresses import update_fast_dds
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
@@ -44,6 +45,12 @@ try:
     from rclpy.serialization import deserialize_message
 
     from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader, Subscribed
+    from ros_diagnostics_exporter.sources.dds_names import (
+        Nodes,
+        Topics,
+        list_nodes,
+        list_topics,
+    )
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
@@ -128,6 +135,8 @@ class DdsDomain(Reception):
         self._subscriptions: dict[str, Subscribed] = {}
         self._known: dict[str, tuple[tuple[int, tuple[str, ...], str], Endpoint]] = {}
         self._looks = 0
+        self._odd: list[str] = []  # of the look under way
+        self._cost = 0.0  # CPU seconds of the last list of all topics
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
         self._asked_last = ""
@@ -141,6 +150,7 @@ class DdsDomain(Reception):
     def join(self) -> None:
         """A node without parameter and type description services and without /rosout."""
         check_ros()
+        update_fast_dds()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
         self._node = _make_node(
@@ -181,9 +191,45 @@ class DdsDomain(Reception):
         """Report what the graph shows, and subscribe what is wanted; in small pieces."""
         node, now = self._joined_node, read_clocks()
         self._looks += 1
+        self._odd = []
+        found: Topics = []
+        if listed := self.run_safely(lambda: found.extend(self._list_topics(node))):
+            yield from self._read_topics(node, found, now)
+        topics = {name: endpoint for name, (_state, endpoint) in self._known.items()}
+        yield from self._subscribe_wanted(topics)
+        if not listed:
+            return  # what is wanted is received all the same
+        self.complete_look(now)
+        self._report_links(topics, now)
+        nodes = self._endpoints.names.complete(self._list_nodes(node), now.mono)
+        self.odd = "; ".join(self._odd)
+        if self.receiver.update_nodes(self._domain, nodes, now):
+            yield from self._watcher.look(node, dict(found), now)
+            yield from self._endpoints.read(node, [name for name, _types in found], now)
+
+    def _list_topics(self, node: Node) -> Topics:
         begin = thread_time()
-        found = node.get_topic_names_and_types()
-        cost = thread_time() - begin
+        topics, unreadable = list_topics(node)
+        self._cost = thread_time() - begin
+        if unreadable:
+            self._note_odd(
+                f"{len(unreadable)} topics have a name that is no UTF-8: {unreadable[0]}"
+            )
+        return topics
+
+    def _list_nodes(self, node: Node) -> Nodes:
+        nodes, unnamed = list_nodes(node)
+        if unnamed:
+            self._note_odd(f"{unnamed} nodes have no name, or none that is UTF-8")
+        return nodes
+
+    def _note_odd(self, what: str) -> None:
+        """Note, and log, what somebody has in the domain that is left out."""
+        self._odd.append(what)
+        self.log_seldom("", what, "%s%s: left out: %s", what)
+
+    def _read_topics(self, node: Node, found: Topics, now: Instant) -> Iterator[None]:
+        """Report all topics, those that are due anew."""
         types = {
             name: tuple(types) for name, types in found if TYPE in types or name in self.topics
         }
@@ -192,11 +238,18 @@ class DdsDomain(Reception):
             self.receiver.note_other_types(self._domain, others, now)
             self._other_types = others
         for name in self._to_be_asked(types):
-            self._ask(node, name, types[name])
+            self.run_safely(partial(self._ask, node, name, types[name]))
             yield
         self._known = {name: self._known[name] for name in types if name in self._known}
         topics = {name: endpoint for name, (_state, endpoint) in self._known.items()}
         self.receiver.update_graph(self._domain, topics, now)
+        if types == self._types and types.keys() == self._known.keys():
+            stretched = min(self._cost / LOOK_SHARE, MAX_STRETCH * self.poll_interval)
+            self.look_at = max(self.look_at, now.mono + stretched)
+        self._types = types
+
+    def _subscribe_wanted(self, topics: Mapping[str, Endpoint]) -> Iterator[None]:
+        """Subscribe what is wanted, and nothing else."""
         wanted = self.receiver.wanted_topics(self._domain)
         for name in self.topics.keys() - wanted.keys():
             self.unsubscribe(name)
@@ -204,16 +257,6 @@ class DdsDomain(Reception):
         for name, shared in wanted.items():
             self.want(name, self._offer(name, topics), shared=shared)
             yield
-        if types == self._types and types.keys() == self._known.keys():
-            stretched = min(cost / LOOK_SHARE, MAX_STRETCH * self.poll_interval)
-            self.look_at = max(self.look_at, now.mono + stretched)
-        self._types = types
-        self.last_look = now.wall
-        self._report_links(topics, now)
-        nodes = self._endpoints.names.complete(node.get_node_names_and_namespaces(), now.mono)
-        if self.receiver.update_nodes(self._domain, nodes, now):
-            yield from self._watcher.look(node, dict(found), now)
-            yield from self._endpoints.read(node, [name for name, _types in found], now)
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
         """The subscribed topics that are due, and as many others as one look may ask for, in turns.

@@ -120,12 +120,16 @@ class EndpointReader:
         self._read_at = now.mono + cost / ROUND_SHARE
 
     def _view(self, node: Any, name: str) -> TopicView | None:
-        """All endpoints of a topic; None where they are too many."""
+        """All endpoints of a topic; None where they are too many, or cannot be read."""
         if max(node.count_publishers(name), node.count_subscribers(name)) > MAX_ENDPOINTS:
             self.names.named(name, ())
             return None
-        publishers = node.get_publishers_info_by_topic(name)
-        subscribers = node.get_subscriptions_info_by_topic(name)
+        try:
+            publishers = node.get_publishers_info_by_topic(name)
+            subscribers = node.get_subscriptions_info_by_topic(name)
+        except UnicodeDecodeError:  # the name of a node: of this topic nothing can be judged
+            self.names.named(name, ())
+            return None
         peers = self.names.named(name, map(_peer, (*publishers, *subscribers)))
         offering, asking = peers[: len(publishers)], peers[len(publishers) :]
         mismatches = (

@@ -1,303 +1,35 @@
-"""The source of what the ROS graph shows and no driver reports. Pure: no ROS, no clock, no lock.
-
-What belongs to a robot is what is in its namespace. Of each robot it makes statuses: of a node or
-topic from its first trouble until an hour after the last, so that robots without any have none.
-"""
+"""What the ROS graph shows of all robots: to each what is in its namespace. Pure: no ROS."""
 
 from __future__ import annotations
 
-import re
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import inf
-from typing import Annotated, Any, NamedTuple
-
-from pydantic import Field
+from collections import Counter, defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Robot
-from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
+from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
     PARAMETERS,
-    Battery,
     Message,
-    Messages,
-    MessagesLearned,
-    Parameters,
-    is_asked_for,
     is_wanted,
     node_in,
     node_of,
     over_budget,
 )
-from ros_diagnostics_exporter.sources.graph_nodes import Nodes
-from ros_diagnostics_exporter.sources.graph_topics import (
-    Mismatch,
-    Seconds,
-    TopicLearned,
-    Topics,
-    TopicView,
-)
+from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading
-
-GROUP = "ROS graph"
-FRESH = 120.0  # seconds after which what is not reported again is STALE, which is no fault
-REPORT = 30.0  # ... between two reports in which nothing has changed
-GRAPH = Feed(GROUP, GROUP, FRESH, planned_stale=True)
-SHADOW = GRAPH._replace(shadow=True)
-SHADOW_TIME = 7 * 86_400.0  # seconds for which a robot is known until its silent faults are faults
-HELD = 120.0  # ... after a start, until what is no problem any more is well
-UNREAD = 900.0  # ... more after which a topic that was not read again is not there any more
-KEPT = 3600.0  # seconds for which a status is made after its trouble
-WRITTEN = 3600.0  # ... between two writes of what was learned
-SOON = 10.0  # ... after a message that a later process should know, until it is written
-LINK = "link"
-LEAST_MESSAGES = 20  # that are expected, until a loss is judged
-MOST_KNOWN = 1000  # nodes, or topics, of one robot
-TRY_AGAIN = 3600.0  # seconds after which what was given up is subscribed again
-
-# Tools and helpers, and names that have the number of a process or something random in them.
-IGNORED = re.compile(
-    r".*/((_|rviz|rqt|launch_ros_|ros2cli|rosbag2|transform_listener_impl_)[^/]*"
-    r"|ros_diagnostics_exporter|[^/]*[0-9]{4,}[^/]*|[^/]*_(?=[0-9a-f]*[0-9])[0-9a-f]{6,})"
+from ros_diagnostics_exporter.sources.robot_graph import (
+    GRAPH,
+    WRITTEN,
+    Learned,
+    Report,
+    RobotGraph,
 )
+
 GLOBAL = (LOGS, PARAMETERS)  # topics of every node
-_NO_TOPIC = re.compile(r".*/(rosout|parameter_events|_action/.*)")  # every node's, an action's
-_Name = Annotated[str, Field(max_length=256)]
-_Accepted = tuple[_Name, tuple[_Name, _Name, Annotated[str, Field(max_length=1000)]]]
-
-
-class Learned(NamedTuple):
-    """What a later process should know of one robot.
-
-    ``known`` is the Unix time since when it is, ``nodes`` are seconds by name; ``shown`` are the
-    components that are or were a problem, ``accepted`` mismatches that a person knows, by topic.
-    """
-
-    known: Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
-    nodes: Annotated[dict[_Name, Seconds], Field(max_length=MOST_KNOWN)]
-    topics: Annotated[dict[_Name, TopicLearned], Field(max_length=MOST_KNOWN)]
-    shown: Annotated[list[_Name], Field(max_length=2 * MOST_KNOWN)]
-    accepted: Annotated[list[_Accepted], Field(max_length=MOST_KNOWN)]
-    messages: MessagesLearned
-
-
-class Report(NamedTuple):
-    """All statuses of one robot, and what happened.
-
-    ``held`` are components of which nothing is known yet, or any more; so many nodes are
-    ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
-    ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
-    Of a robot that is not watched any more, ``expected`` is None, and nothing is wrong.
-    """
-
-    robot: str
-    feed: Feed
-    statuses: tuple[Status, ...]
-    held: frozenset[str]
-    expected: int | None
-    lossy: bool
-    events: tuple[str, ...] = ()
-    logs: tuple[str, ...] = ()
-    watched: float | None = None
-
-    def by_feed(self) -> Iterator[tuple[Feed, tuple[Status, ...]]]:
-        """The statuses: what fleet.yml asks for is nothing learned, and so never a shadow."""
-        yield GRAPH, tuple(each for each in self.statuses if is_asked_for(each.name))
-        yield self.feed, tuple(each for each in self.statuses if not is_asked_for(each.name))
-
-
-class RobotGraph:
-    """What is seen of one robot."""
-
-    def __init__(self, settings: Graph, namespace: str, now: Instant) -> None:
-        self.settings = settings
-        self.namespace = namespace
-        self.known = now.wall
-        self.lossy = False
-        self.report_at = self.write_at = now.mono
-        self.met = False  # whether any of its nodes was ever there
-        self._nodes = Nodes()
-        self._topics = Topics()
-        self.messages = Messages()
-        self.watched: float | None = None
-        self._link: LinkReading | None = None
-        self._problems: dict[str, tuple[int, str]] = {}
-        self._well: dict[str, float] = {}  # since when what had trouble has none, monotonic
-        self._held: set[str] = set()  # of an earlier process, and nothing is known yet
-        self._held_until = inf
-
-    def follow(self, settings: Graph, namespace: str) -> None:
-        """Go on by another config."""
-        self.settings, self.namespace = settings, namespace
-
-    # -- seen --------------------------------------------------------------------------------
-
-    def see_nodes(self, names: Iterable[str], now: Instant) -> None:
-        """Take the full names of all its nodes; one that several have is there as often."""
-        found = Counter(each for each in map(self._own, names) if each)
-        if found and not self.met:
-            self.met, self.known = True, now.wall
-        self._nodes.update(found, now)
-        self.report_at = now.mono
-
-    def see_topic(self, name: str, view: TopicView, now: Instant) -> None:
-        """Take one of its topics."""
-        own = self._own(name)
-        if own and not _NO_TOPIC.fullmatch(name):
-            self._topics.update(own, view.without(self._is_ignored), now)
-            self._nodes.note_processes(self._processes(view))
-            self.report_at = now.mono
-
-    def _processes(self, view: TopicView) -> Iterator[tuple[str, str]]:
-        for each in (*view.publishers, *view.subscribers):
-            if own := self._own(each.node):
-                yield own, each.process
-
-    def see_message(self, node: str, message: Message, now: Instant) -> None:
-        """Take a message of one of its nodes, by its full name."""
-        if own := self._own(node):
-            if self.messages.note(own, message, self.settings.watch, now):
-                self.report_at = now.mono
-            if not isinstance(message, Battery | Parameters):
-                self.write_at = min(self.write_at, now.mono + SOON)
-
-    def see_link(self, reading: LinkReading | None, now: Instant) -> None:
-        """Take what arrived of late."""
-        self._link = reading
-        if self._judge_link():
-            self.report_at = now.mono
-
-    def _own(self, name: str) -> str:
-        """A name in the robot's namespace; "" where it does not count."""
-        return "" if self._is_ignored(name) else name.removeprefix(self.namespace).removeprefix("/")
-
-    def _is_ignored(self, name: str) -> bool:
-        if IGNORED.fullmatch(name):
-            return True
-        own = name.removeprefix(self.namespace).removeprefix("/")
-        return any(each.fullmatch(name) or each.fullmatch(own) for each in self.settings.ignore)
-
-    # -- judged ------------------------------------------------------------------------------
-
-    def report(self, robot: str, now: Instant) -> Report | None:
-        """What is to be said of it now; None where nothing is there of which anything is known."""
-        self.report_at = now.mono + REPORT
-        if not (self._nodes.there or self._link):
-            return None
-        problems = {name: each for name, each in self._problems.items() if name != LINK}
-        if self._nodes.there and not self.lossy:
-            problems = self._judge(now)
-            self.report_at = min(self.report_at, self._nodes.due, self.messages.due(now))
-        if self.lossy and self._link is not None:
-            lost = f"{100 * self._link.loss:.0f} % of its messages are lost"
-            problems[LINK] = int(Level.ERROR), lost
-        self._take(problems, now)
-        self._release(now)
-        for name in [name for name, since in self._well.items() if now.mono - since > KEPT]:
-            del self._well[name]
-        parts = (self._nodes, self._topics, self.messages)
-        events = tuple(each for part in parts for each in part.take_events())
-        batteries, mute = self.messages.batteries(self.settings.watch, now)
-        statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
-        expected, logs = self._nodes.expected, self.messages.recent(now)
-        feed, watched = self._feed(now), self.watched
-        lossy = self.lossy and not feed.shadow  # of a shadow's link nobody is notified
-        return Report(robot, feed, statuses, held, expected, lossy, events, logs, watched)
-
-    def _release(self, now: Instant) -> None:
-        """Once what it is about is known again, what is held and is no problem is well."""
-        if self._held and self._held_until == inf:
-            self._held_until = now.mono + HELD
-        if now.mono >= self._held_until:
-            is_late = now.mono >= self._held_until + UNREAD
-            known = {each for each in self._held if is_late or self._topics.is_known(each)}
-            self._well |= dict.fromkeys(known, now.mono)
-            self._held -= known
-
-    def _judge(self, now: Instant) -> dict[str, tuple[int, str]]:
-        learn_after = self.settings.learn_after
-        expected = filter(None, map(self._own, self.settings.expect))
-        problems = self._nodes.judge(learn_after, expected, now)
-        problems |= self.messages.judge(self.settings.watch, now)
-        return problems | self._topics.judge(learn_after, self._there_since)
-
-    def _there_since(self, node: str) -> float:
-        """Since when a node is there, by its full name; of those of others nobody knows."""
-        own = node.startswith(f"{self.namespace}/")
-        return self._nodes.there_since(self._own(node)) if own else inf
-
-    def _take(self, problems: dict[str, tuple[int, str]], now: Instant) -> None:
-        for name in self._problems.keys() - problems.keys():
-            self._well[name] = now.mono
-        for name in problems:
-            self._well.pop(name, None)
-            self._held.discard(name)
-        if problems.keys() != self._problems.keys():
-            self.write_at = now.mono
-        self._problems = problems
-
-    def _judge_link(self) -> bool:
-        """Faulty above ``max_loss``, well again below half of it; whether that changed."""
-        link, before = self._link, self.lossy
-        if link is not None and link.expected >= LEAST_MESSAGES:
-            self.lossy = link.loss > self.settings.max_loss * (0.5 if before else 1.0)
-        return self.lossy != before
-
-    def _feed(self, now: Instant) -> Feed:
-        mode = self.settings.mode
-        young = mode == "auto" and now.wall - self.known < SHADOW_TIME
-        return SHADOW if young or mode == "shadow" else GRAPH
-
-    def _statuses(self) -> Iterator[Status]:
-        for name, (level, text) in sorted(self._problems.items()):
-            yield Status(level, name, text)
-        for name in sorted(self._well.keys() - self._problems.keys()):
-            yield Status(int(Level.OK), name, "OK")
-
-    # -- by a person -----------------------------------------------------------------------------
-
-    def accept(self, now: Instant) -> int:
-        """Take what is there as expected, and be no shadow any more; how many nodes are expected.
-
-        What is faulty now is well.
-        """
-        self._nodes.accept(self.settings.learn_after)
-        self._topics.accept(self.settings.learn_after)
-        self.messages.accept()
-        self.known = min(self.known, now.wall - SHADOW_TIME)
-        self.report_at = self.write_at = now.mono
-        return self._nodes.expected
-
-    def forget(self, component: str, now: Instant) -> None:
-        """Expect no more what a component is about."""
-        self._nodes.forget(component)
-        self._topics.forget(component, self.settings.learn_after)
-        self.messages.forget(component)
-        self._problems.pop(component, None)
-        self._well.pop(component, None)
-        self._held.discard(component)
-        self.report_at = self.write_at = now.mono
-
-    # -- outliving the process ---------------------------------------------------------------
-
-    def learned(self, now: Instant) -> Learned:
-        """What a later process should know."""
-        shown = sorted(self._problems.keys() | self._well.keys() | self._held)
-        accepted: list[Any] = self._topics.accepted()  # a Mismatch is a tuple of texts
-        nodes, topics = self._nodes.learned(now), self._topics.learned(shown)
-        return Learned(self.known, nodes, topics, shown, accepted, self.messages.learned(now))
-
-    def restore(self, learned: Learned, now: Instant) -> None:
-        """Go on from what an earlier process knew."""
-        self.met, self.known = True, min(learned.known, now.wall)
-        self._nodes.restore(learned.nodes, now)
-        topics = {name: TopicLearned(*each) for name, each in learned.topics.items()}
-        accepted = [(name, Mismatch(*each)) for name, each in learned.accepted]
-        self._topics.restore(topics, accepted)
-        self.messages.restore(MessagesLearned(*learned.messages), now)
-        self._held = set(learned.shown)
+TRY_AGAIN = 3600.0  # seconds after which what was given up is subscribed again
+CLAIMED = 3600.0  # ... that a robot has to come back after a start, until its row is deleted
 
 
 class GraphWatch:
@@ -306,7 +38,8 @@ class GraphWatch:
     def __init__(self) -> None:
         self._robots: dict[str, RobotGraph] = {}
         self._restored: dict[str, Learned] = {}
-        self._owners: dict[Domain, _Owners] = {}
+        self._restored_at = 0.0
+        self._owners: defaultdict[Domain, _Owners] = defaultdict(lambda: _Owners(()))
         self._nodes: dict[Domain, list[tuple[str, str]]] = {}
         self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
@@ -315,25 +48,36 @@ class GraphWatch:
 
     def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
         """Take the robots of a domain as they are now; each has what is in its namespace."""
-        robots, former = tuple(robots), self._owners.get(domain)
-        if former is not None and former.robots == robots:
+        robots = tuple(robots)
+        if self._owners[domain].robots == robots:
             return
         owners = self._owners[domain] = _Owners(robots)
         self._nodes.pop(domain, None)  # they may be other robots' now
-        names = {name for each in self._owners.values() for name in each.by_name}
-        for name in [name for name in self._robots if name not in names]:
-            del self._robots[name]
-            self._gone.add(name)
-            self._left.add(name)
+        self._drop_others()
         for name, settings in owners.by_name.items():
             graph, namespace = settings.profile.graph, settings.namespace
             if name in self._robots:
-                self._robots[name].follow(graph, namespace)
+                self._robots[name].configure(graph, namespace, now)
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
+
+    def leave_others(self, domains: Container[Domain]) -> None:
+        """Drop the robots of all domains but these, which are not joined any more."""
+        for domain in [each for each in self._owners if each not in domains]:
+            for known in (self._owners, self._nodes, self._wanted):
+                known.pop(domain, None)
+        self._drop_others()
+
+    def _drop_others(self) -> None:
+        """Drop the robots that no domain has any more."""
+        names = {name for each in self._owners.values() for name in each.by_name}
+        for name in self._robots.keys() - names:
+            del self._robots[name]
+            self._gone.add(name)
+            self._left.add(name)
 
     def watches(self, domain: Domain) -> bool:
         """Whether any robot of a domain is watched."""
@@ -458,8 +202,17 @@ class GraphWatch:
 
     # -- outliving the process ---------------------------------------------------------------
 
-    def take_rows(self, now: Instant) -> Iterator[tuple[str, dict[str, object] | None]]:
-        """By robot what is to be written now; None: to be deleted."""
+    def take_rows(
+        self, known: Container[str], now: Instant
+    ) -> Iterator[tuple[str, dict[str, object] | None]]:
+        """By robot what is to be written now; None: to be deleted.
+
+        What an earlier process wrote of a robot that is not ``known`` is deleted after a time.
+        """
+        if now.mono >= self._restored_at + CLAIMED:
+            for name in [each for each in self._restored if each not in known]:
+                del self._restored[name]
+                self._gone.add(name)
         for name in self._gone:
             yield name, None
         self._gone = set()
@@ -468,8 +221,9 @@ class GraphWatch:
                 robot.write_at = now.mono + WRITTEN
                 yield name, robot.learned(now)._asdict()
 
-    def restore(self, rows: Mapping[str, Any]) -> None:
-        """Go on from these rows; those of robots that are not wanted are deleted."""
+    def restore(self, rows: Mapping[str, Any], now: Instant) -> None:
+        """Go on from these rows, each once its robot is seen."""
+        self._restored_at = now.mono
         self._restored = {name: Learned(**fields) for name, fields in rows.items()}
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from math import inf
 from typing import Annotated, NamedTuple
 
@@ -15,6 +15,7 @@ from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Watched
 from ros_diagnostics_exporter.model import Domain, Instant, Level, Status
+from ros_diagnostics_exporter.sources.graph_topics import Seconds
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
 TRANSITIONS = "/transition_event"  # of one node, behind its name
@@ -28,6 +29,7 @@ STUCK = 30.0  # ... for which a node may be between two states of its life cycle
 MOST = 20  # log messages that are kept, and nodes of which one is a fault
 MOST_NODES = 1000
 MOST_BATTERIES = 100
+MAX_TEXT = 1000  # characters of one that are kept
 SILENT = 60.0  # seconds after which what a battery said is not repeated: it becomes STALE
 LOGGER_AT, NODE_AT = 16, 12  # of a Log's and of a ParameterEvent's in CDR: where a text begins
 GIVEN_UP = "watch"  # the component that names what is read no more
@@ -77,18 +79,18 @@ class Battery(NamedTuple):
 
 
 Message = Log | Transition | Parameters | Battery
-_Text = Annotated[str, Field(max_length=1000)]
-_Time = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
+_Text = Annotated[str, Field(max_length=MAX_TEXT)]
 
 
 class MessagesLearned(NamedTuple):
-    """What a later process should know, by node or topic: (Unix time, ...) of each.
+    """What a later process should know, by node or topic: (seconds, ...) of each.
 
-    ``logs`` are messages that are faults, ``states`` where nodes were between two states or fell.
+    ``logs`` are messages that are faults, ``states`` where nodes were between two states or fell;
+    the seconds are those for which the robot has been received since.
     """
 
-    logs: Annotated[dict[_Text, tuple[_Time, _Text]], Field(max_length=MOST)]
-    states: Annotated[dict[_Text, tuple[_Time, _Text, _Text]], Field(max_length=MOST_NODES)]
+    logs: Annotated[dict[_Text, tuple[Seconds, _Text]], Field(max_length=MOST)]
+    states: Annotated[dict[_Text, tuple[Seconds, _Text, _Text]], Field(max_length=MOST_NODES)]
     batteries: Annotated[list[_Text], Field(max_length=MOST_BATTERIES)]
 
 
@@ -132,10 +134,31 @@ def is_asked_for(component: str) -> bool:
     return kind in ("log", "lifecycle", GIVEN_UP) or f"/{kind}{blank}".endswith(BATTERIES)
 
 
-class Messages:
-    """What was received of one robot's nodes, by their names in its namespace."""
+class Stopwatch:
+    """Seconds for which a robot was received: what nobody could repeat meanwhile has not ended."""
 
     def __init__(self) -> None:
+        self._seconds = 0.0
+        self._since: float | None = None  # monotonic; None: it is not received
+
+    def set(self, *, running: bool, mono: float) -> None:
+        """Take whether it is received now."""
+        self._seconds = self.read(mono)
+        self._since = mono if running else None
+
+    def read(self, mono: float) -> float:
+        """The seconds until now."""
+        return self._seconds + (0.0 if self._since is None else mono - self._since)
+
+
+class Messages:
+    """What was received of one robot's nodes, by their names in its namespace.
+
+    ``clock`` has the times of what time ends, or makes a problem.
+    """
+
+    def __init__(self) -> None:
+        self.clock = Stopwatch()
         self._logs: deque[tuple[float, str]] = deque(maxlen=MOST)
         self._matches: dict[str, tuple[float, str]] = {}  # node -> when, text
         self._states: dict[str, tuple[float, Transition]] = {}
@@ -153,12 +176,14 @@ class Messages:
                 self._events.append(f"parameter {name} of {node} {what}")
         elif isinstance(message, Transition):
             if node in self._states or len(self._states) < MOST_NODES:
-                self._states[node] = now.mono, message
+                limited = Transition(message.start[:MAX_TEXT], message.goal[:MAX_TEXT])
+                self._states[node] = self.clock.read(now.mono), limited
         else:
-            self._logs.append((now.mono, f"{node}: {message.text}"))
-            is_fault = any(each.fullmatch(message.text) for each in watch.log_faults)
-            if is_fault and (node in self._matches or len(self._matches) < MOST):
-                self._matches[node] = now.mono, message.text
+            text = message.text[:MAX_TEXT]
+            self._logs.append((now.mono, f"{node}: {text}"))
+            has_room = node in self._matches or len(self._matches) < MOST
+            if has_room and _is_fault(text, watch):
+                self._matches[node] = self.clock.read(now.mono), text
         return True
 
     def _note_battery(self, topic: str, battery: Battery, now: Instant) -> bool:
@@ -186,9 +211,9 @@ class Messages:
 
     def judge(self, watch: Watched, now: Instant) -> Problems:
         """(level, text) of each problem, by component."""
-        problems = dict(self._judge_states(now))
+        problems, clock = dict(self._judge_states(now)), self.clock.read(now.mono)
         for node, (at, text) in list(self._matches.items()):
-            if now.mono - at < watch.log_ends_after:
+            if clock - at < watch.log_ends_after:
                 problems[f"log {node}"] = int(Level.ERROR), text
             else:
                 del self._matches[node]
@@ -197,18 +222,21 @@ class Messages:
         return problems
 
     def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
+        clock = self.clock.read(now.mono)
         for node, (at, each) in self._states.items():
-            if _is_between(each) and now.mono - at >= STUCK:
+            if _is_between(each) and clock - at >= STUCK:
                 yield f"lifecycle {node}", (int(Level.ERROR), f"stuck in {each.goal}")
             elif _fell(each):
                 text = f"fell to {each.goal} after an error"
                 yield f"lifecycle {node}", (int(Level.ERROR), text)
 
-    def due(self, now: Instant) -> float:
-        """When time makes a problem of what was received, or ends a recent message; monotonic."""
-        stuck = (at + STUCK for at, each in self._states.values() if _is_between(each))
+    def due(self, watch: Watched, now: Instant) -> float:
+        """When time makes a problem of what was received, or ends it; monotonic."""
+        behind = now.mono - self.clock.read(now.mono)
+        stuck = (behind + at + STUCK for at, each in self._states.values() if _is_between(each))
+        ends = (behind + at + watch.log_ends_after for at, _text in self._matches.values())
         recent = (at + RECENT for at, _text in self._logs)
-        return min((each for each in (*stuck, *recent) if each > now.mono), default=inf)
+        return min((each for each in (*stuck, *ends, *recent) if each > now.mono), default=inf)
 
     def take_events(self) -> list[str]:
         """What happened since the last call."""
@@ -217,6 +245,20 @@ class Messages:
         return events
 
     # -- by a person -----------------------------------------------------------------------------
+
+    def drop(self, is_dropped: Callable[[str], bool], watch: Watched) -> set[str]:
+        """Know no more what does not count; the components that are about it."""
+        logs = {
+            node
+            for node, (_at, text) in self._matches.items()
+            if is_dropped(node) or not _is_fault(text, watch)
+        }
+        states = {node for node in self._states if is_dropped(node) or not watch.transitions}
+        for node in logs:
+            del self._matches[node]
+        for node in states:
+            del self._states[node]
+        return {f"log {node}" for node in logs} | {f"lifecycle {node}" for node in states}
 
     def accept(self) -> None:
         """Take as usual what is a problem."""
@@ -236,11 +278,11 @@ class Messages:
 
     def learned(self, now: Instant) -> MessagesLearned:
         """What a later process should know."""
-        wall = now.wall - now.mono
+        clock = self.clock.read(now.mono)
         return MessagesLearned(
-            {node: (wall + at, text) for node, (at, text) in self._matches.items()},
+            {node: (clock - at, text) for node, (at, text) in self._matches.items()},
             {
-                node: (wall + at, *each)
+                node: (clock - at, *each)
                 for node, (at, each) in self._states.items()
                 if _is_between(each) or _fell(each)
             },
@@ -249,15 +291,16 @@ class Messages:
 
     def restore(self, learned: MessagesLearned, now: Instant) -> None:
         """Go on from what an earlier process knew: nothing of it was received just now."""
-
-        def mono(wall: float) -> float:
-            return now.mono - max(0.0, now.wall - wall)
-
-        self._matches = {node: (mono(at), text) for node, (at, text) in learned.logs.items()}
+        clock = self.clock.read(now.mono)
+        self._matches = {node: (clock - age, text) for node, (age, text) in learned.logs.items()}
         self._states = {
-            node: (mono(at), Transition(*each)) for node, (at, *each) in learned.states.items()
+            node: (clock - age, Transition(*each)) for node, (age, *each) in learned.states.items()
         }
         self._batteries = dict.fromkeys(learned.batteries, (-inf, None))
+
+
+def _is_fault(text: str, watch: Watched) -> bool:
+    return watch.logs and any(each.fullmatch(text) for each in watch.log_faults)
 
 
 def _is_between(state: Transition) -> bool:

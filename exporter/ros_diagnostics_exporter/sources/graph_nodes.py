@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -107,17 +107,16 @@ class Nodes:
     # -- judged ------------------------------------------------------------------------------
 
     def judge(
-        self, learn_after: float, expected: Iterable[str], now: Instant
+        self, learn_after: float, expected: frozenset[str], now: Instant
     ) -> dict[str, tuple[int, str]]:
         """(level, text) of each problem, by component; to be asked while any node is there."""
-        always = frozenset(expected)
-        for name in always - self._nodes.keys():
+        for name in expected - self._nodes.keys():
             self._nodes[name] = _Node(gone=now.mono)
         self.due = inf
         own = {
             name: each
             for name, each in self._nodes.items()
-            if name in always or each.seen_until(now.mono) >= learn_after
+            if name in expected or each.seen_until(now.mono) >= learn_after
         }
         self.expected = len(own)
         self._judge_gone(own, now)
@@ -166,6 +165,20 @@ class Nodes:
                 self._events.append(f"all {len(within)} nodes in {namespace} were stopped")
 
     # -- by a person -----------------------------------------------------------------------------
+
+    def drop(self, is_dropped: Callable[[str], bool], expected: Collection[str]) -> set[str]:
+        """Know no more the nodes that do not count; the components that are about them."""
+        dropped = {
+            name
+            for name, each in self._nodes.items()
+            if is_dropped(name) or not (each.seen or each.count or name in expected)
+        }
+        were_together = any(self._nodes[name].together for name in dropped)
+        for name in dropped:
+            del self._nodes[name]
+        is_left = any(each.together for each in self._nodes.values())
+        names = {f"{kind} {name}" for kind in ("node", "log", "lifecycle") for name in dropped}
+        return names | ({NODES} if were_together and not is_left else set())
 
     def accept(self, learn_after: float) -> None:
         """Expect those that are there, and no others."""

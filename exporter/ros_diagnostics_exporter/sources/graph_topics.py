@@ -14,11 +14,14 @@ from ros_diagnostics_exporter.model import Instant, Level
 # is there twice until the middleware notices that a process was killed.
 SEEN_FOR = 30.0
 MOST = 1000  # topics of one robot
+MAX_NAME = 256  # characters of a name that are kept
+MAX_WHY = 1000
+MAX_PEERS = 100  # endpoints of a topic on each side
 DISCOVERY = "discovery"
 PARTICIPANT = 24  # hexadecimal digits of an endpoint's id that name its process
 
 
-NodeName = Annotated[str, Field(max_length=512)]
+NodeName = Annotated[str, Field(max_length=512)]  # MAX_NAME of what is written now
 Seconds = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
 
 
@@ -40,6 +43,11 @@ class Mismatch(NamedTuple):
     publisher: str
     subscriber: str
     why: str
+
+    def limited(self) -> Mismatch:
+        """It, with no longer texts than are stored: of twelve publishers all are named."""
+        publisher, subscriber = self.publisher[:MAX_NAME], self.subscriber[:MAX_NAME]
+        return Mismatch(publisher, subscriber, self.why[:MAX_WHY])
 
 
 US = "this exporter"  # as the subscriber of a mismatch
@@ -67,13 +75,22 @@ class TopicView(NamedTuple):
             ),
         )
 
+    def limited(self) -> TopicView:
+        """It, with no more and no longer texts than are stored."""
+        sides = (self.publishers[:MAX_PEERS], self.subscribers[:MAX_PEERS])
+        publishers, subscribers = (
+            tuple(each._replace(node=each.node[:MAX_NAME]) for each in side) for side in sides
+        )
+        mismatches = tuple(each.limited() for each in self.mismatches)
+        return TopicView(publishers, subscribers, mismatches)
+
 
 class TopicLearned(NamedTuple):
     """What a later process should know of one topic; see `_Topic`."""
 
     alone: Seconds
     matched: Seconds
-    ends: dict[_Side, Annotated[list[NodeName], Field(max_length=100)]]
+    ends: dict[_Side, Annotated[list[NodeName], Field(max_length=MAX_PEERS)]]
 
 
 @dataclass(slots=True)
@@ -152,6 +169,23 @@ class _Topic:
         else:
             self.broken = None
 
+    def drop(self, is_dropped: Callable[[str], bool]) -> bool:
+        """Know no more what nodes have that do not count; whether there was any."""
+        mismatches = {
+            each: since
+            for each, since in self.mismatches.items()
+            if not (is_dropped(each.publisher) or is_dropped(each.subscriber))
+        }
+        publishers = {node: ids for node, ids in self.publishers.items() if not is_dropped(node)}
+        is_left = any(is_dropped(node) for nodes in self.ends.values() for node in nodes)
+        if is_left:
+            self.matched, self.ends, self.broken = 0.0, {}, None
+        if _count(publishers) < 2:
+            self.doubled = None
+        changed = is_left or (mismatches, publishers) != (self.mismatches, self.publishers)
+        self.mismatches, self.publishers = mismatches, publishers
+        return changed
+
 
 class Topics:
     """The topics of one robot by their names in its namespace."""
@@ -218,6 +252,17 @@ class Topics:
         return all(each.found is not None and each.read - each.found >= SEEN_FOR for each in about)
 
     # -- by a person -----------------------------------------------------------------------------
+
+    def drop(self, is_dropped: Callable[[str], bool]) -> set[str]:
+        """Know no more the topics that do not count, nor what such nodes have of the others.
+
+        Returns the components that are about them; what is still wrong is a problem again.
+        """
+        ignored = {name for name in self._topics if is_dropped(name)}
+        changed = {name for name, topic in self._topics.items() if topic.drop(is_dropped)}
+        for name in ignored:
+            del self._topics[name]
+        return {f"topic {name}" for name in ignored | changed}
 
     def accept(self, learn_after: float) -> None:
         """Take what is there as usual."""

@@ -17,6 +17,8 @@ STEP = 10.0  # ... in so many at a time
 # A longer pause is the silence of the robot, not the loss of messages; it is judged elsewhere.
 PAUSE = 10.0
 MOST_MISSING = 1000  # between two messages: more are the numbers of another publisher
+# In a row that come late, as it seems: a robot has rebooted, and its clock and numbers are behind.
+MOST_OVERTAKEN = 30
 LEAST_KEPT = 10  # minutes over which the least delay is looked for
 _SECOND = 1e-9  # of a nanosecond
 
@@ -55,7 +57,16 @@ class _Step:
 class Link:
     """The messages of one publisher, as they arrive."""
 
-    __slots__ = ("_delay", "_jitter", "_least", "_number", "_received", "_sent", "_steps")
+    __slots__ = (
+        "_delay",
+        "_jitter",
+        "_least",
+        "_number",
+        "_overtaken",
+        "_received",
+        "_sent",
+        "_steps",
+    )
 
     def __init__(self) -> None:
         self.reset()
@@ -63,6 +74,7 @@ class Link:
     def reset(self) -> None:
         """Begin anew: another publisher."""
         self._number: int | None = None
+        self._overtaken = 0  # messages in a row
         self._sent = self._received = self._delay = self._jitter = 0.0
         self._steps: deque[_Step] = deque()
         self._least: deque[tuple[int, float]] = deque(maxlen=LEAST_KEPT)
@@ -70,12 +82,15 @@ class Link:
     def note(self, number: int, sent: int, received: int) -> None:
         """Take one message: its number, and when it was sent and received (Unix time in ns)."""
         at, delay = received * _SECOND, (received - sent) * _SECOND
+        if self._number is not None and number <= self._number and sent * _SECOND <= self._sent:
+            self._overtaken += 1
+            if self._overtaken < MOST_OVERTAKEN:
+                self._step(at).received += number < self._number  # it was counted as missing
+                return
+            self.reset()
+        self._overtaken = 0
         last = self._number
         missing = 0 if last is None else number - last - 1
-        if last is not None and missing < 0 and sent * _SECOND <= self._sent:
-            if number < last:
-                self._step(at).received += 1  # it was overtaken, and counted as missing
-            return
         follows = last is not None and 0 <= missing <= MOST_MISSING and self._goes_on(at)
         if follows:
             self._jitter += (abs(delay - self._delay) - self._jitter) / 16

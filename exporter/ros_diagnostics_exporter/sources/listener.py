@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import ZENOH, Domain, place
+from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
 from ros_diagnostics_exporter.sources.reception import Receiver, Reception
 from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
@@ -38,6 +39,7 @@ class Listener:
         self._receiver = receiver
         self._log_folder: TemporaryDirectory[str] | None = None
         self._domains: dict[Domain, Reception] = {}  # in the order of the config
+        self._addresses: frozenset[str] = frozenset()  # of this machine, when last asked
         self._joining = threading.Lock()
         self._counting = threading.Lock()
         self.decode_seconds = 0.0
@@ -56,6 +58,30 @@ class Listener:
         """Leave all domains."""
         self._join({})
 
+    def find_outdated(self) -> list[Domain]:
+        """The DDS domains that were joined with other addresses than this machine has now.
+
+        None until the addresses are the same at two calls: they may come one by one.
+        """
+        before, self._addresses = self._addresses, local_addresses()
+        return [
+            each
+            for each, domain in self._domains.items()
+            if before == self._addresses != domain.addresses and domain.joined and each != ZENOH
+        ]
+
+    def leave(self, domains: Iterable[Domain]) -> None:
+        """Leave these domains, which `follow` joins anew."""
+        with self._joining:
+            self._leave([self._domains[each] for each in domains])
+
+    def _leave(self, leaving: list[Reception]) -> None:
+        for domain in leaving:
+            domain.loop.ask_to_stop()
+        deadline = time.monotonic() + LEAVE_TIME
+        for domain in leaving:
+            domain.wait(max(0.0, deadline - time.monotonic()))
+
     def _join(self, wanted: Mapping[Domain, Zenoh | None]) -> None:
         with self._joining:
             leaving = [
@@ -63,11 +89,7 @@ class Listener:
                 for each, domain in self._domains.items()
                 if each not in wanted or domain.settings != wanted[each]
             ]
-            for domain in leaving:
-                domain.loop.ask_to_stop()
-            deadline = time.monotonic() + LEAVE_TIME
-            for domain in leaving:
-                domain.wait(max(0.0, deadline - time.monotonic()))
+            self._leave(leaving)
             alive = {each: domain for each, domain in self._domains.items() if domain.alive}
             new = {
                 each: self._new(each, settings)
@@ -99,6 +121,11 @@ class Listener:
         return tuple(each for each, domain in self._domains.items() if domain.joined)
 
     @property
+    def joined_at(self) -> Mapping[Domain, float]:
+        """When the DDS domains were joined, monotonic; infinity: not yet."""
+        return {each: of.joined_at for each, of in self._domains.items() if each != ZENOH}
+
+    @property
     def joining(self) -> tuple[Domain, ...]:
         """The domains that are being joined, which may take long."""
         return tuple(each for each, domain in self._domains.items() if domain.joining)
@@ -118,8 +145,18 @@ class Listener:
         """Why domains are not joined, by domain."""
         return {each: domain.error for each, domain in self._domains.items() if domain.error}
 
+    @property
+    def troubles(self) -> Mapping[Domain, str]:
+        """Why domains are not received, by domain; "" where nothing is wrong."""
+        return {each: domain.trouble for each, domain in self._domains.items()}
+
+    @property
+    def oddities(self) -> Mapping[Domain, str]:
+        """What domains have that cannot be read, and is left out."""
+        return {each: domain.odd for each, domain in self._domains.items()}
+
     def not_ready_reason(self, wanted: Iterable[Domain]) -> str | None:
-        """Why messages of these domains are not subscribed to; None when they are."""
+        """Why messages of these domains are not received; None when they are."""
         failed, joining, looks = self.errors, self.joining, self.last_looks
         if failed:
             return "; ".join(f"cannot join {place(each)}: {why}" for each, why in failed.items())
@@ -127,6 +164,9 @@ class Listener:
             return f"{', '.join(map(place, joining))} is still being joined"
         if not all(looks.get(each) for each in wanted):
             return "the ROS graph has not been looked at yet"
+        troubles = {each: why for each, why in self.troubles.items() if why}
+        if troubles:
+            return "; ".join(f"{place(each)}: {why}" for each, why in troubles.items())
         since = time.monotonic() - STALLED
         turns = ((each, of.last_turn) for each, of in self._domains.items() if of.joined)
         stalled = [place(each) for each, last_turn in turns if last_turn < since]

@@ -14,11 +14,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
@@ -32,6 +34,7 @@ DEPTH = 1000
 # Seconds between two looks whether messages have arrived. The moment of receipt is known this well;
 # asking 1,000 topics costs a millisecond.
 TAKE_INTERVAL = 0.1
+NOT_LOOKED = 30.0  # ... without a look at the graph after which that is a fault
 LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
 MAX_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
 # Bytes that the middleware may hold of one topic: a topic of large messages gets a shallower queue.
@@ -153,8 +156,15 @@ class Reception(ABC):
         self.receiver = receiver
         self.topics: dict[str, Subscription] = {}
         self.error = ""  # why it could not be joined
-        self.last_look = 0.0
+        self.look_error = ""  # the last one since the graph was looked at in full
+        self.take_error = ""  # of the last turn's messages
+        self.odd = ""  # what the graph has that cannot be read
+        self._failed = ""  # the last piece of work
+        self.last_look = 0.0  # Unix time
+        self._looked = 0.0  # when the graph was last looked at in full, or joined, monotonic
         self.last_turn = 0.0
+        self.joined_at = inf  # monotonic
+        self.addresses: frozenset[str] = frozenset()  # of this machine when it was joined
         self.look_at = 0.0  # when the graph is looked at again, monotonic
         self._domain = domain
         self._count = count
@@ -240,12 +250,13 @@ class Reception(ABC):
             return
         if time.monotonic() < self.look_at:
             return
+        self.addresses = local_addresses()
         try:
             self.join()
         except Exception as error:  # noqa: BLE001 - whatever the middleware raises; others go on
             self.give_up(error)
             return
-        self.last_turn = time.monotonic()
+        self.last_turn = self._looked = self.joined_at = time.monotonic()
         self._is_open = True
         if not (self.loop.stopping or self.error):
             self.receiver.domain_joined(self._domain)
@@ -253,14 +264,17 @@ class Reception(ABC):
     def _take(self) -> None:
         """Look at the graph when that is due, and take what has arrived."""
         self.check()
-        self._run_safely(self._look_on)
+        self._failed = ""
+        self.run_safely(self._look_on)
+        self.look_error, self._failed = self._failed or self.look_error, ""
         topics = iter(list(self.topics.items()))
-        while not self._run_safely(partial(self._drain_all, topics)):
+        while not self.run_safely(partial(self._drain_all, topics)):
             pass  # the topics after the one that failed
         self._decode_waiting()
+        self.take_error = self._failed
         self.last_turn = time.monotonic()
 
-    def _run_safely(self, work: Callable[[], None]) -> bool:
+    def run_safely(self, work: Callable[[], object]) -> bool:
         """Run one piece of work; a bug with one robot's messages must not stop the domain.
 
         Whether it was done without an error.
@@ -269,10 +283,25 @@ class Reception(ABC):
             work()
         except Exception as error:
             self.loop.errors += 1
+            self._failed = one_line(f"{error}")[:MAX_ERROR] or type(error).__name__
             self.log_seldom("", "error", "%s%s: internal error: %s", error)
             log.debug("%s", place(self._domain), exc_info=True)
             return False
         return True
+
+    def complete_look(self, now: Instant) -> None:
+        """Note that the graph was looked at in full."""
+        self.last_look, self._looked, self.look_error = now.wall, now.mono, ""
+
+    @property
+    def trouble(self) -> str:
+        """Why not all of the domain is received; "" where nothing is wrong."""
+        if not self.joined:
+            return f"it is not joined: {self.error or 'it is still being joined'}"
+        if time.monotonic() - self._looked > NOT_LOOKED:
+            why = self.look_error and f": {self.look_error}"
+            return f"its ROS graph was not looked at for more than {NOT_LOOKED:.0f} s{why}"
+        return self.take_error and f"its messages are not taken: {self.take_error}"
 
     def _look_on(self) -> None:
         """Go on with the look under way, or begin one that is due, for at most ``LOOK_TIME``."""
@@ -371,7 +400,7 @@ class Reception(ABC):
             while content.queue.is_due(now := time.monotonic()):
                 if self.loop.stopping or now - begin >= DECODE_TIME:
                     break
-                self._run_safely(partial(self._receive, name, content, spent))
+                self.run_safely(partial(self._receive, name, content, spent))
             if not content.queue:
                 del self._waiting[name]
         self._count(spent.decode, spent.ingest)

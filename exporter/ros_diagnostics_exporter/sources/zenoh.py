@@ -104,6 +104,7 @@ log = logging.getLogger(__name__)
 
 RETRY = 2.0  # seconds between two attempts to reach a router
 MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
+ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once there is room for more
 # Of the time at most this share is spent on looks: where tokens are many they are further apart
 # than ``poll_interval``, up to five times as far.
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
@@ -135,7 +136,8 @@ class ZenohNetwork(Reception):
         self._watched: list[Any] = []  # subscriptions to tokens
         self._tokens: dict[str, Token] = {}
         self._connections: dict[str, str] = {}  # wanted topic -> that of its last publisher
-        self._too_many = False  # tokens, since the last look
+        self._too_many = False  # tokens: some are there that are not noted
+        self._again_at = 0.0  # when all tokens may be asked for again, monotonic
         self._other_types: dict[str, tuple[str, ...]] = {}  # by topics without DiagnosticArray
 
     @override
@@ -145,9 +147,14 @@ class ZenohNetwork(Reception):
         zenoh.try_init_log_from_env()
         self._session = zenoh.open(_config(self.settings))
         self.error, self.look_at = "", 0.0
-        for key in TOKENS:
-            tokens = self._session.liveliness()
-            self._watched.append(tokens.declare_subscriber(key, self._note, history=True))
+        self._watch_tokens()
+
+    def _watch_tokens(self) -> None:
+        """Have all tokens noted that are there or come; those that go meanwhile are not missed."""
+        before, tokens = self._watched, self._session.liveliness()
+        self._watched = [tokens.declare_subscriber(key, self._note, history=True) for key in TOKENS]
+        for each in before:
+            each.undeclare()
 
     @override
     def leave(self) -> None:
@@ -207,9 +214,11 @@ class ZenohNetwork(Reception):
         if self.error:
             return  # without a router nothing is known of robots
         if self._too_many:
-            self._too_many = False
             text = "%s%s: publishers beyond %d are not noted; a robot, or somebody else, has many"
             self.log_seldom("", "tokens", text, MAX_TOKENS)
+            if len(self._tokens) < MAX_TOKENS and now.mono >= self._again_at:
+                self._too_many, self._again_at = False, now.mono + ASK_AGAIN
+                self._watch_tokens()
         wanted = self.receiver.wanted_topics(ZENOH)
         tokens = list(self._tokens.values())
         publishers = [each for each in tokens if each.topic and not each.other_type]
@@ -235,7 +244,7 @@ class ZenohNetwork(Reception):
             key = keys.get(name) or (topic.offer if topic else name.removeprefix("/"))
             self.want(name, key, shared=shared)
             yield
-        self.last_look = now.wall
+        self.complete_look(now)
 
     def _endpoints(
         self, tokens: list[Token], publishers: list[Token], wanted: Mapping[str, bool]

@@ -36,6 +36,7 @@ from ros_diagnostics_exporter.severity import (
     span,
     state_of,
     subject,
+    unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
 from ros_diagnostics_exporter.web.runbooks import alert_of
@@ -73,6 +74,7 @@ def landing(
         version=__version__,
         telemetry_path=telemetry_path,
         counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
+        unclaimed=[] if query else unclaimed_texts(fleet),
         queries=[query_text(each) for each in fleet.get("queries", ()) if each["error"]],
         capabilities=[] if query else _of_fleet(fleet),
         common=common,

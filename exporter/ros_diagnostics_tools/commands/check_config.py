@@ -9,6 +9,7 @@ import click
 
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.severity import query_text
 from ros_diagnostics_tools.capability_notes import capability_notes
@@ -24,28 +25,31 @@ from ros_diagnostics_tools.terminal import print_json, with_output
     "--live",
     is_flag=True,
     help="Also list what matches no robot, component or value that the running exporter knows, "
-    "components in no capability, and how its queries are answered.",
+    "topics that no entry takes, components in no capability, and how its queries are answered.",
 )
 @with_output()
 @with_servers
 def command(servers: Servers, output: str, file: Path, *, live: bool) -> None:
     """Check fleet.yml and the folders that it names; print a summary, or all errors."""
     fleet = load(file)
-    unmatched, queries, notes = None, None, None
+    unmatched, unclaimed, queries, notes = None, None, None, None
     if live:
         running = servers.exporter.fleet()
         queries = running.get("queries", [])
         known = known_from_json(running)
         unmatched = list(map(str, find_unmatched(fleet, known, time.time())))
+        unclaimed = list(map(str, unclaimed_from_json(fleet, running)))
         notes = capability_notes(fleet, known)
     if output == "json":
         warnings = list(fleet.warnings)
         found = {"fleet": fleet.name, "warnings": warnings, "unmatched": unmatched}
-        print_json({**found, "queries": queries, "notes": notes})
+        print_json({**found, "unclaimed": unclaimed, "queries": queries, "notes": notes})
         return
     print(describe(fleet), end="")  # noqa: T201
     if unmatched is not None:
         print(f"unmatched ({len(unmatched)}):", *unmatched, sep="\n  ")  # noqa: T201
+    if unclaimed:
+        print(f"taken by no entry ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
     if notes:
         print(f"notes ({len(notes)}):", *notes, sep="\n  ")  # noqa: T201
     if queries:

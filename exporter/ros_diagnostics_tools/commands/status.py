@@ -25,6 +25,7 @@ from ros_diagnostics_exporter.severity import (
     shown_problems,
     span,
     state_of,
+    unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -105,7 +106,9 @@ def choose(
             if (found := [one for one in each["components"] if _named(one, wanted)])
         ]
     filtered = len(robots) < len(fleet["robots"])
-    return {**fleet, "robots": robots, "problems": [] if filtered else fleet["problems"]}
+    if filtered:
+        return {**fleet, "robots": robots, "problems": [], "unclaimed": []}
+    return {**fleet, "robots": robots}
 
 
 def _named(component: dict[str, Any], wanted: str) -> bool:
@@ -130,7 +133,9 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
         fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
     table = _components(robots, fleet["time"]) if components else _robots(fleet, robots)
-    return Group(table, _summary(fleet, Counter(state_of(robot) for robot in robots)))
+    unclaimed = [f"no entry of fleet.yml takes {each}" for each in unclaimed_texts(fleet)]
+    summary = _summary(fleet, Counter(state_of(robot) for robot in robots))
+    return Group(table, summary, _plain(*unclaimed)) if unclaimed else Group(table, summary)
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:

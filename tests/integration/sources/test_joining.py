@@ -75,7 +75,7 @@ def test_a_domain_whose_join_hangs_stops_nothing_and_is_joined_when_it_goes_on( 
     assert running.sample("exporter_domain_up", domain_id=str(ros_domain)) == 1
     assert running.sample("exporter_domain_up", domain_id=str(other_domain)) == 0
     assert service.not_ready_reason() is not None
-    monkeypatch.setattr(service, "_join_at", 0.0)  # half a minute has passed
+    monkeypatch.setattr(service._joining, "_join_at", 0.0)  # half a minute has passed
     running.wait_for("robot_silent_reason", 1, robot="there", reason="domain_unreachable")
 
     hang.set()
@@ -139,7 +139,7 @@ def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
     running.wait_for("robot_silent_reason", 1, robot="r", reason="domain_unreachable")
     assert not contexts[0].ok()
 
-    running.service.join()
+    running.service._joining.join()
     running.wait_for("exporter_domain_up", 1, domain_id=str(ros_domain))
     assert contexts[1].ok()
 

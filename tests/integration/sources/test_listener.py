@@ -83,3 +83,18 @@ def test_the_exporter_is_a_quiet_guest(ros_domain, robots, run_exporter):
     published = node.get_publisher_names_and_types_by_node("ros_diagnostics_exporter", "/")
     assert published == []
     assert running.service.state.robots
+
+
+def test_a_topic_that_no_entry_takes_is_named_as_soon_as_it_is_published(
+    ros_domain, robots, run_exporter
+):
+    wanted = Discovery(
+        re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "{robot}", (ros_domain,), source=Source.RAW
+    )
+    running = run_exporter(Fleet("f", discoveries=(wanted,)))
+    robots.offer("/diagnostics")
+    robots.offer("/r/diagnostics")
+    until(lambda: running.service.state.unclaimed, "the topic is named")
+    (found,) = running.service.state.unclaimed
+    assert (found.domain_id, found.topics) == (ros_domain, ("/diagnostics",))
+    assert found.entry == f"{{name: robot_{ros_domain}, domain_id: {ros_domain}}}"

@@ -139,3 +139,22 @@ def test_in_mode_peer_the_exporter_connects_to_each_bridge(free_port, run_export
     is_up(running, other, "/b/diagnostics", "b")
     other.close()
     running.wait_for("exporter_domain_up", 0, domain_id="zenoh")
+
+
+def test_a_robot_beyond_the_limit_of_tokens_is_found_once_others_have_gone(
+    router, bridge, run_exporter, monkeypatch
+):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 3)
+    crowd = Bridge(router.locator)
+    for number in range(3):
+        crowd.offer(f"/other/r{number}/diagnostics")
+    found = validated(
+        Discovery,
+        {"zenoh": "customer/{robot}", "topic": "/diagnostics", "source": "raw"},
+        {"default": QUICK},
+    )
+    running = run_exporter(fleet_at(router, discoveries=(found,)))
+    until(lambda: running.service.state.unclaimed, "the crowd is noted", 20)
+    bridge.offer("/customer/amr-1/diagnostics")
+    crowd.close()
+    is_up(running, bridge, "/customer/amr-1/diagnostics", "amr-1")

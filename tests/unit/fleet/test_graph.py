@@ -108,6 +108,17 @@ def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():
     assert driver.faults() == [("Laser", "stale"), ("link", "critical")]
 
 
+@pytest.mark.parametrize("was_late", [False, True])
+def test_what_the_robot_itself_reports_as_stale_is_a_fault_also_while_messages_are_lost(was_late):
+    laser = Status(OK, "Laser", "OK")
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, statuses=(MOTOR, laser))
+    driver.link = LOSSY
+    driver.go_on(30 if was_late else 1, *USUAL)
+    driver.go_on(30, *USUAL, statuses=(MOTOR, laser._replace(level=STALE)))
+    assert set(driver.faults()) == {("Laser", "stale"), ("link", "critical")}
+
+
 def test_a_link_that_loses_messages_keeps_nothing_quiet_in_shadow():
     driver = Driver(fleet=fleet(mode="shadow"))
     driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
@@ -189,22 +200,39 @@ def test_what_was_logged_or_fell_neither_ends_nor_begins_anew_with_a_restart(tmp
     driver.go_on(50, *USUAL)
     both = [("lifecycle diag", "critical"), ("log amcl", "critical")]
     assert driver.faults() == both
-    again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 100)
-    again.go_on(800, *USUAL)
+    again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 2000)
+    again.go_on(940, *USUAL)
     assert (again.faults(), ended(again)) == (both, [])
-    assert not [each for each in again.events if each.kind == "fault_began"]
+    began = [each.component for each in again.events if each.kind == "fault_began"]
+    assert "log amcl" not in began
     again.go_on(100, *USUAL)
     assert (again.faults(), ended(again)) == (both[:1], ["log amcl"])
 
 
-def test_what_was_logged_long_before_a_restart_has_ended_after_it(tmp_path: Path):
+def test_a_log_fault_does_not_end_while_its_robot_is_silent():
     driver = Driver(fleet=fleet(watch=WATCHED))
     driver.go_on(5, *USUAL)
     driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
     driver.go_on(50, *USUAL)
-    again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 2000)
-    again.go_on(300, *USUAL)
-    assert (again.faults(), ended(again)) == ([], ["log amcl"])
+    driver.go_on(5000, statuses=())
+    driver.go_on(900, *USUAL)
+    assert ("log amcl", "critical") in driver.faults()
+    assert "log amcl" not in ended(driver)
+    driver.go_on(100, *USUAL)
+    assert "log amcl" in ended(driver)
+
+
+def test_what_the_config_ignores_is_no_fault_any_more_also_of_a_robot_that_is_off():
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL)
+    driver.go_on(30, "diag")
+    driver.go_on(60, statuses=())
+    assert ("node amcl", "critical") in driver.faults()
+    driver.state.configure(fleet(ignore=(re.compile("amcl"),)), driver.now)
+    driver.go_on(2, statuses=())
+    assert ("node amcl", "critical") not in driver.faults()
+    ends = [each for each in driver.events if each.kind == "fault_ended"]
+    assert [(each.component, each.reason) for each in ends] == [("node amcl", "removed")]
 
 
 @pytest.mark.parametrize("mode", ["on", "auto"])

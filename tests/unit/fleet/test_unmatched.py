@@ -11,9 +11,11 @@ from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, UnmatchedWatch
-from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
+from testbed.configuration import Clocks
+from testbed.configuration import fleet as demo_fleet
 
 MOTOR = Status(OK, "Motor 1", "OK", "", (("Level", "3"), ("Temperature (°C)", "41")))
 MATCHING = """
@@ -165,3 +167,32 @@ def test_an_exporter_that_does_not_answer_is_an_error(tmp_path, capsys, free_por
     check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
     assert main([*check, f"--live=http://127.0.0.1:{free_port()}"]) == 1
     assert "Connection refused" in capsys.readouterr().err
+
+
+def of_demo(path: Path, *robots: str) -> StateDriver:
+    """The demo for ten minutes, with these robots."""
+    driver = driver_of(path, demo_fleet(0, Clocks(), ""))
+    for _ in range(int(2 * GRACE) // 30):
+        found = {f"/{each}/diagnostics_agg": Endpoint(1) for each in robots}
+        driver.state.update_graph(0, found, driver.now)
+        for each in robots:
+            array = Array(0.0, (MOTOR._replace(name="/Drives/Motor"), MOTOR))
+            driver.state.receive(Topic(0, f"/{each}/diagnostics_agg"), array, driver.now)
+        driver.state.find_unmatched(driver.now)
+        driver.at(driver.now.mono + 30)
+    return driver
+
+
+@pytest.mark.parametrize("robots", [["robot_1", "robot_2"], ["robot_1", "tb3"]])
+def test_an_entry_whose_topics_others_take_or_that_excludes_them_is_no_mistake(tmp_path, robots):
+    driver = of_demo(tmp_path, *robots)
+    assert [each for each in driver.state.unmatched.entries if each.what == "discovery"] == []
+
+
+def test_a_discovery_that_finds_nobody_is_reported_also_where_there_is_no_robot(tmp_path):
+    driver = of_demo(tmp_path)
+    entries = [str(each) for each in driver.state.unmatched.entries]
+    assert entries == [
+        "discovery /{robot}/diagnostics_agg matches nothing",
+        "discovery /{robot}/diagnostics_agg include robot_* matches nothing",
+    ]

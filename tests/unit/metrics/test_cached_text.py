@@ -54,8 +54,8 @@ from ros_diagnostics_exporter.model import (
 )
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent, PersistedRobot
-from ros_diagnostics_exporter.sources.graph import GRAPH, SHADOW, Report
 from ros_diagnostics_exporter.sources.link import LinkReading
+from ros_diagnostics_exporter.sources.robot_graph import GRAPH, SHADOW, Report
 from ros_diagnostics_exporter.storage.database import Database
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree

@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.model import Endpoint, Status
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GROUP
+from ros_diagnostics_exporter.sources.robot_graph import GROUP
 from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, WALL, WARN, StateDriver, tree
 
 # -- history --------------------------------------------------
@@ -257,12 +257,57 @@ def test_a_source_of_auto_takes_the_aggregate_and_holds_it():
     assert (driver.level("Motor 1"), driver.component("Motor 1").group) == (OK, "/Motor")
 
 
-def test_a_source_of_auto_takes_raw_where_no_aggregate_comes():
+def test_a_source_of_auto_takes_raw_while_no_aggregate_comes():
     driver = StateDriver(Source.AUTO)
     driver.raw_every(1, 7, HOT)
-    driver.agg(*tree(Motor=[MOTOR]))
 
     assert driver.robot.source is Source.RAW
+    assert driver.level("Motor 1") == ERROR
+    assert (driver.robot.topic, driver.sample("robot_info", topic="/r/diagnostics")) == (
+        "/r/diagnostics",
+        1,
+    )
+    assert driver.state.wanted_topics(0) == {"/r/diagnostics": False, "/r/diagnostics_agg": False}
+
+
+def read_both(driver: StateDriver, seconds: int, raw, aggregated) -> None:
+    """Receive both topics once a second."""
+    for _ in range(seconds):
+        driver.raw(*raw)
+        driver.agg(*tree(Motor=aggregated))
+        driver.at(driver.now.mono + 1)
+
+
+def test_a_robot_whose_aggregator_starts_late_is_read_from_that_and_keeps_its_faults():
+    driver = StateDriver(Source.AUTO)
+    driver.raw_every(1, 60, HOT, LASER)
+    read_both(driver, 50, (HOT, LASER), [HOT])
+    assert driver.robot.source is Source.BOTH
+    assert driver.level(LASER.name) == LASER.level
+    read_both(driver, 30, (HOT, LASER), [HOT])
+    assert driver.robot.source is Source.AGG
+    assert driver.state.wanted_topics(0) == {"/r/diagnostics_agg": False}
+    assert driver.component("Motor 1").group == "/Motor"
+    assert [each.name for each in driver.robot.components] == ["Motor 1"]  # all that it lists
+    assert driver.sample("robot_info", topic="/r/diagnostics_agg") == 1
+    told = [each.message for each in driver.events if each.kind == "graph"]
+    assert told == ["diagnostics are read from /r/diagnostics_agg in place of /r/diagnostics"]
+    faults = [each for each in driver.events if each.kind == "fault_began"]
+    assert [(each.group, each.since) for each in faults] == [("", WALL + 5), ("/Motor", WALL + 5)]
+    for _ in range(20):
+        driver.agg(*tree(Motor=[MOTOR]))
+        driver.at(driver.now.mono + 1)
+    assert driver.level("Motor 1") == OK
+    assert driver.state.faults() == []
+
+
+def test_an_aggregator_that_runs_for_a_moment_takes_nothing_over():
+    driver = StateDriver(Source.AUTO)
+    driver.raw_every(1, 60, HOT)
+    for _ in range(3):
+        read_both(driver, 30, (HOT,), [MOTOR])
+        driver.raw_every(1, int(driver.now.mono) + 60, HOT)
+    assert driver.robot.source is Source.BOTH
     assert driver.level("Motor 1") == ERROR
 
 

@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot
 from ros_diagnostics_exporter.faults.model import OwnReport, Scope
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.fleet.unmatched import Unmatched
-from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.model import Endpoint, Instant, Level
 from ros_diagnostics_exporter.self_check import SelfCheck
 
 OK, WARN, ERROR, STALE = Level
@@ -30,7 +30,7 @@ class Parts:
         monkeypatch.setattr("socket.gethostname", lambda: HOST)
         declared = tuple(Robot(f"r{n}", topic_agg=f"/r{n}/d", domain_id=7) for n in range(robots))
         self.state = FleetState(Fleet("f", declared, limits=Limits(series=1000)), at(0))
-        self.listener = SimpleNamespace(domain_ids=(7,), errors={}, last_looks={7: WALL + 1e6})
+        self.listener = SimpleNamespace(troubles={7: ""}, oddities={7: ""})
         self.reloader = SimpleNamespace(successful=True)
         self.storage: Any = SimpleNamespace(
             successful=True, written_at=WALL + 1, is_crowded=False, crowded_reason="no room"
@@ -117,14 +117,25 @@ def test_queries_are_one_part_which_names_those_that_fail(parts):
     assert report.message.startswith(f"5 of 6 have no answer: {listed};")
 
 
-def test_a_domain_that_is_not_joined_and_one_that_stalls_are_critical(parts):
-    parts.listener.last_looks = {7: WALL + 969}
+def test_a_domain_that_is_not_received_is_critical_and_what_cannot_be_read_a_warning(parts):
+    parts.listener.troubles = {7: "it is not joined: port in use"}
     report = parts.report("domain 7")
-    assert (report.level, report.message[:14]) == (ERROR, "its ROS graph ")
-    parts.listener.last_looks = {7: WALL + 970}
+    assert (report.level, report.message[:29]) == (ERROR, "it is not joined: port in use")
+    parts.listener.troubles, parts.listener.oddities = {7: ""}, {7: "1 nodes have no name"}
+    report = parts.report("domain 7")
+    assert (report.level, report.message[:20]) == (WARN, "1 nodes have no name")
+    parts.listener.oddities = {7: ""}
     assert parts.report("domain 7").level is OK
-    parts.listener.domain_ids, parts.listener.errors = (), {7: "port in use"}
-    assert parts.report("domain 7").message.startswith("it is not joined: port in use")
+    parts.listener.troubles = {}
+    assert parts.report("domain 7").message.startswith("it is not joined yet")
+
+
+def test_an_exporter_without_robots_names_the_topics_that_no_entry_takes(monkeypatch):
+    parts = Parts(monkeypatch, robots=0)
+    parts.state.update_graph(7, {"/diagnostics": Endpoint(1)}, at(1))
+    message = parts.report("robots", 1000).message
+    assert "no entry takes /diagnostics in domain 7" in message
+    assert "- {name: robot_7, domain_id: 7}" in message
 
 
 def test_a_loop_whose_turn_is_a_minute_late_is_critical_also_one_that_never_had_one(parts):

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import Profile, Robot
-from ros_diagnostics_exporter.config.graph import Graph
+from ros_diagnostics_exporter.config.graph import Graph, Watched
+from ros_diagnostics_exporter.faults.model import LEARNED
+from ros_diagnostics_exporter.faults.stored import parse
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.sources.graph import GRAPH, SHADOW, GraphWatch, Report
-from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, Mismatch, Peer, TopicView
+from ros_diagnostics_exporter.sources.graph import CLAIMED, GraphWatch
+from ros_diagnostics_exporter.sources.graph_messages import Battery, Log, Transition
+from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading
+from ros_diagnostics_exporter.sources.robot_graph import GRAPH, SHADOW, Report
 
 WALL = 1_700_000_000.0
 DAY = 86_400.0
@@ -30,6 +37,7 @@ class Site:
         self.graph, self.namespace = graph, namespace
         self.reports: list[Report] = []
         self.rows: dict[str, dict[str, object] | None] = {}
+        self.known = {"r"}
 
     def look(self, seconds: float, *nodes: str, **topics: TopicView) -> None:
         """Let time pass in which the graph stays like that."""
@@ -44,7 +52,7 @@ class Site:
             named = {f"{self.namespace}/{name}": view for name, view in topics.items()}
             self.watch.see_topics(0, named, self.now)
             self.reports += self.watch.reports(0, self.now)
-            self.rows |= dict(self.watch.take_rows(self.now))
+            self.rows |= dict(self.watch.take_rows(self.known, self.now))
 
     def learn(self, *nodes: str, **topics: TopicView) -> None:
         """A day in which all is as usual."""
@@ -283,7 +291,7 @@ def test_a_side_that_a_topic_lost_although_its_node_goes_on_is_a_problem(site):
     assert site.problems == lost
 
     again = Site()
-    again.watch.restore({"r": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"]}, again.now)
     again.look(20, *USUAL, chat=unheard, plan=silent)
     assert again.reports[-1].held == lost.keys()
     again.look(120, *USUAL, chat=unheard, plan=silent)
@@ -328,7 +336,7 @@ def test_what_was_wrong_with_a_topic_before_a_restart_is_well_once_it_was_read_t
     why = Mismatch("/r/amcl", "/r/driver", "best effort and reliable")
     site.look(40, *USUAL, chat=CHAT._replace(mismatches=(why,)))
     again = Site()
-    again.watch.restore({"r": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"]}, again.now)
     again.look(1, *USUAL, chat=CHAT)
     again.look(300, *USUAL)  # there are many topics to read
     assert (again.names, again.reports[-1].held) == ([], {"topic chat"})
@@ -337,7 +345,7 @@ def test_what_was_wrong_with_a_topic_before_a_restart_is_well_once_it_was_read_t
     assert (again.names, again.problems) == (["topic chat"], {})
 
     again = Site()
-    again.watch.restore({"r": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"]}, again.now)
     again.look(1050, *USUAL)  # the topic is not there any more
     assert (again.names, again.problems) == (["topic chat"], {})
 
@@ -374,6 +382,85 @@ def test_few_messages_say_nothing_about_the_link(site):
     site.lose(9, of=19)
     site.look(2, *USUAL)
     assert site.problems == {}
+
+
+def test_a_link_of_few_messages_is_judged_over_as_many_minutes_as_it_takes(site):
+    site.look(2, *USUAL)
+    site.lose(60)
+    site.look(2, *USUAL)
+    assert site.problems.keys() == {"link"}
+    for _ in range(3):
+        site.lose(0, of=12)
+        site.look(60, *USUAL)
+    assert (site.problems, site.reports[-1].lossy) == ({}, False)
+    for _ in range(3):
+        site.lose(4, of=12)
+        site.look(60, *USUAL)
+    assert site.problems.keys() == {"link"}
+
+
+def test_silence_does_not_end_what_is_wrong_with_the_link(site):
+    site.look(2, *USUAL)
+    site.lose(60)
+    site.look(2, *USUAL)
+    site.watch.see_links({"r": None}, site.now)
+    site.look(600, *USUAL)
+    assert site.problems == {"link": "60 % of its messages are lost"}
+
+
+# -- what the config ignores -------------------------------------------------------------------
+
+
+def ignoring(*names: str) -> Graph:
+    return Graph(mode="on", ignore=tuple(map(re.compile, names)))
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_node_that_is_ignored_is_no_problem_whether_it_is_there_or_gone(site, there):
+    site.learn(*USUAL)
+    site.look(20, *(USUAL if there else without("amcl")))
+    site.graph = ignoring("amcl")
+    site.look(200, *USUAL)
+    assert site.names == []
+    site.look(200, *without("amcl"))
+    assert site.names == []
+
+
+def test_nodes_that_went_together_are_no_problem_once_all_of_them_are_ignored(site):
+    site.learn(*USUAL)
+    site.look(40, "diag")
+    assert site.problems.keys() == {"nodes"}
+    site.graph = ignoring("amcl", "driver", "nav/.*")
+    site.look(1, "diag")
+    assert site.names == []
+
+
+def test_a_topic_and_what_an_ignored_node_has_of_one_are_no_problem_any_more(site):
+    why = Mismatch("/r/amcl", "/r/driver", "best effort and reliable")
+    second = (*CHAT.publishers, Peer("/r/debug", "03" * 16))
+    views = {
+        "chat": CHAT._replace(mismatches=(why,)),
+        "plan": CHAT._replace(publishers=second),
+        "map": CHAT._replace(mismatches=(why,)),
+    }
+    site.learn(*USUAL, chat=CHAT, plan=CHAT, map=CHAT)
+    site.look(70, *USUAL, **views)
+    assert site.problems.keys() == {"topic chat", "topic plan", "topic map"}
+    site.graph = ignoring("debug", "chat")
+    site.look(1, *USUAL, **views)
+    assert site.names == ["topic map"]
+    site.graph = ignoring("debug", "chat", "driver")
+    site.look(70, *USUAL, **views)
+    assert site.names == []
+
+
+def test_a_node_that_is_expected_no_more_is_no_problem(site):
+    site.graph = Graph(mode="on", expect=("never",))
+    site.look(70, *USUAL)
+    assert site.problems.keys() == {"node never"}
+    site.graph = ON
+    site.look(1, *USUAL)
+    assert site.names == []
 
 
 # -- robots ------------------------------------------------------------------------------------
@@ -436,7 +523,7 @@ def test_what_a_person_accepts_is_expected_from_then_on():
 
     again = Site(Graph())
     again.now = Instant(0.0, site.now.wall)
-    again.watch.restore({"r": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"]}, again.now)
     second = (*CHAT.publishers, Peer("/r/new", "03" * 16))
     again.look(130, *usual, **{**views, "plan": CHAT._replace(publishers=second)})
     assert (again.problems.keys(), again.reports[-1].feed) == ({"topic plan"}, GRAPH)
@@ -455,7 +542,7 @@ def test_what_was_learned_outlives_the_process(site):
 
     again = Site(Graph())
     again.now = Instant(0.0, site.now.wall)
-    again.watch.restore({"r": site.rows["r"], "gone": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"], "gone": site.rows["r"]}, again.now)
     again.look(20, *without("amcl"), chat=second)
     assert (again.names, again.reports[-1].held) == ([], {"node amcl"})
     again.look(45, *without("amcl"), chat=second)
@@ -467,7 +554,7 @@ def test_what_was_a_problem_before_a_restart_is_well_once_all_is_seen_again(site
     site.learn(*USUAL)
     site.look(20, *without("amcl"))
     again = Site()
-    again.watch.restore({"r": site.rows["r"]})
+    again.watch.restore({"r": site.rows["r"]}, again.now)
     again.look(119, *USUAL)
     assert (again.names, again.reports[-1].held) == ([], {"node amcl"})
     again.look(40, *USUAL)
@@ -480,4 +567,76 @@ def test_a_robot_that_was_never_there_is_not_written_and_one_that_is_dropped_is_
     site.look(5, *USUAL)
     assert site.rows.keys() == {"r"}
     site.watch.follow(0, [], site.now)
-    assert dict(site.watch.take_rows(site.now)) == {"r": None}
+    assert dict(site.watch.take_rows((), site.now)) == {"r": None}
+
+
+def test_rows_of_robots_that_never_come_back_are_deleted_an_hour_after_the_start(site):
+    site.learn(*USUAL)
+    again = Site()
+    again.known = {"r", "late"}
+    again.watch.restore(dict.fromkeys(("r", "late", "renamed"), site.rows["r"]), again.now)
+    again.look(CLAIMED - 1, *USUAL)
+    assert again.rows.keys() == {"r"}
+    again.look(2, *USUAL)
+    assert again.rows == {"r": again.rows["r"], "renamed": None}
+
+
+def test_the_robots_of_a_domain_that_is_left_are_dropped(site):
+    site.learn(*USUAL)
+    site.watch.leave_others([1])
+    assert dict(site.watch.take_rows((), site.now)) == {"r": None}
+    assert [each.expected for each in site.watch.reports(1, site.now)] == [None]
+
+
+# -- rows --------------------------------------------------------------------------------------
+
+TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=2000)
+LONG = TEXT.map(lambda text: text + "x" * 250) | TEXT
+NAMES = st.lists(LONG.map(lambda text: text.replace("/", "_") or "x"), max_size=4)
+MESSAGES = st.one_of(
+    st.builds(Log, st.just("r.amcl"), LONG),
+    st.builds(Transition, st.sampled_from(["errorprocessing", "active"]), LONG),
+    st.just(Transition("errorprocessing", "unconfigured")),
+    st.builds(Battery, LONG, LONG, st.just(())),
+)
+
+
+@st.composite
+def views(draw) -> TopicView:
+    peers = st.lists(st.builds(Peer, LONG, st.just("01" * 16)), max_size=120).map(tuple)
+    mismatches = st.lists(st.builds(Mismatch, LONG, LONG, LONG), max_size=10).map(tuple)
+    return TopicView(draw(peers), draw(peers), draw(mismatches))
+
+
+@settings(max_examples=150, deadline=None)
+@given(nodes=NAMES, topics=st.dictionaries(LONG, views(), max_size=3), messages=MESSAGES)
+def test_every_row_that_is_written_can_be_read(nodes, topics, messages):
+    watch = Watched(logs=True, log_faults=(re.compile("(?s).*"),), transitions=True, batteries=True)
+    site = Site(Graph(mode="on", learn_after=1.0, watch=watch))
+    gone = (*USUAL, *nodes)
+    site.look(70, *gone, **topics)
+    for topic in ("/rosout", "/r/amcl/transition_event", "/r/battery_state"):
+        site.watch.see_message(0, topic, messages, site.now)
+    site.look(40, "diag", **topics)
+    site.watch.accept("r", site.now)
+    site.look(1, "diag", **topics)
+    (row,) = site.rows.values()
+    read, wrong = parse(json.loads(json.dumps([[LEARNED, ["r"], row]])))
+    assert wrong == []
+    again = Site(site.graph)
+    again.watch.restore({"r": read[0].fields}, again.now)
+    again.look(1, "diag")
+    assert again.rows.keys() == {"r"}
+
+
+def test_what_a_person_accepts_of_twelve_publishers_can_be_read(site):
+    drivers = ", ".join(f"/r/a_driver_with_a_long_name_{number}" for number in range(12))
+    why = Mismatch(drivers, US, "by reliability")
+    site.learn(*USUAL, diagnostics=CHAT._replace(mismatches=(why,)))
+    site.look(70, *USUAL, diagnostics=CHAT._replace(mismatches=(why,)))
+    assert site.problems.keys() == {"topic diagnostics"}
+    site.watch.accept("r", site.now)
+    site.look(70, *USUAL, diagnostics=CHAT._replace(mismatches=(why,)))
+    assert site.problems == {}
+    _read, wrong = parse([[LEARNED, ["r"], site.rows["r"]]])
+    assert wrong == []

@@ -9,7 +9,7 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.sources.graph import REPORT, TRY_AGAIN, GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph import TRY_AGAIN, GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import (
     BATTERY_TYPE,
     LOG_TYPE,
@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Transition,
     is_asked_for,
 )
+from ros_diagnostics_exporter.sources.robot_graph import REPORT, Report
 
 ALL = Watched(
     logs=True,

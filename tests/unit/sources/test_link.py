@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.sources.link import MOST_MISSING, Link, LinkReading, joined
+from ros_diagnostics_exporter.sources.link import (
+    MOST_MISSING,
+    MOST_OVERTAKEN,
+    Link,
+    LinkReading,
+    joined,
+)
 
 WALL = 1_700_000_000.0
 
@@ -120,3 +126,12 @@ def test_a_clock_that_is_set_back_is_no_delay(sender):
         sender.arrive(sender.number, sender.wall - 3600, 3600.01)
     assert sender.reading.delay == pytest.approx(0.0, abs=1e-3)
     assert sender.reading.behind == pytest.approx(7200.01, abs=1e-3)
+
+
+def test_a_robot_that_reboots_with_its_clock_behind_is_measured_anew(sender):
+    sender.send(100)
+    for number in range(1, MOST_OVERTAKEN + 60):
+        sender.wall += 1
+        sender.link.note(number, round(number * 1e9), round(sender.wall * 1e9))
+    assert (sender.reading.expected, sender.reading.lost) == (60, 0)
+    assert sender.reading.behind == pytest.approx(sender.wall - number)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from unittest.mock import Mock
 
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.sources.reception import Reception
 from testbed.polling import until
 
@@ -40,3 +41,29 @@ def test_errors_inside_a_turn_are_counted_and_the_turns_go_on(caplog):
     finally:
         domain.wait(30)
     assert "domain 7: internal error: a bug" in caplog.text
+
+
+def test_a_domain_whose_graph_cannot_be_looked_at_says_why(monkeypatch):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.reception.NOT_LOOKED", 0.1)
+    domain = Broken()
+    assert domain.trouble == "it is not joined: it is still being joined"
+    domain.arrived.clear()
+    domain.loop.start()
+    try:
+        until(lambda: domain.trouble.endswith("more than 0 s: a bug"), "the look is late")
+        domain.look = lambda: iter([domain.complete_look(read_clocks())])
+        until(lambda: domain.trouble == "", "it was looked at")
+    finally:
+        domain.wait(30)
+
+
+def test_a_domain_whose_messages_cannot_be_taken_says_why():
+    domain = Broken()
+    domain.look = lambda: iter([domain.complete_look(read_clocks())])
+    domain.arrived = ["a message"] * 1000
+    domain.loop.start()
+    try:
+        wanted = "its messages are not taken: another bug, with a message"
+        until(lambda: domain.trouble == wanted, "messages are not taken")
+    finally:
+        domain.wait(30)

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Zenoh
-from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
+from ros_diagnostics_exporter.sources.zenoh import TOKENS, ZenohNetwork
 
 zenoh = pytest.importorskip("zenoh")
 TOKEN = "@/9f/@ros2_lv/MP/r{}§diagnostics/diagnostic_msgs§msg§DiagnosticArray/:1:::;"
@@ -35,6 +35,24 @@ def test_tokens_beyond_the_limit_are_not_noted_and_the_log_says_so(network, monk
     _domain, topics, _now = network.receiver.update_graph.call_args.args
     assert set(topics) == {"/r0/diagnostics", "/r1/diagnostics"}
     assert "publishers beyond 2 are not noted" in caplog.text
+
+
+def test_tokens_that_were_too_many_are_asked_for_again_once_there_is_room(network, monkeypatch):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 2)
+    network._session = Mock()
+    asked = network._session.liveliness.return_value.declare_subscriber
+    for number in range(3):
+        network._note(sample(number, zenoh.SampleKind.PUT))
+    list(network.look())
+    assert asked.call_count == 0
+    network._note(sample(0, zenoh.SampleKind.DELETE))
+    list(network.look())
+    assert asked.call_count == len(TOKENS)
+    network._note(sample(2, zenoh.SampleKind.PUT))
+    network._note(sample(0, zenoh.SampleKind.PUT))
+    network._note(sample(2, zenoh.SampleKind.DELETE))
+    list(network.look())
+    assert asked.call_count == len(TOKENS)  # once a minute
 
 
 @pytest.mark.parametrize(("share", "least", "most"), [(1e9, -1.0, 0.1), (1e-9, 4.0, 5.0)])

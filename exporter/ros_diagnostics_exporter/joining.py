@@ -1,0 +1,97 @@
+"""Keeps the exporter in the domains of the config, and joins those anew that have become deaf."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Mapping, Sequence
+
+from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.loops import Loop, read_clocks
+from ros_diagnostics_exporter.model import Domain, Instant, place
+from ros_diagnostics_exporter.sources.listener import Listener
+from ros_diagnostics_exporter.sources.source import ArraySource
+
+log = logging.getLogger(__name__)
+
+INTERVAL = 1.0  # seconds between two looks at what has to be joined
+AGAIN = 30.0  # ... until a domain that could not be joined is tried again
+LEAST = 60.0  # ... that a domain is joined until it is joined anew because of silence
+SILENT = "none of its robots is received"
+MOVED = "this machine has other addresses"
+
+
+def is_deaf(are_up: Sequence[bool]) -> bool:
+    """Whether several robots were received, and all are silent now."""
+    return len(are_up) > 1 and not any(are_up)
+
+
+class Joining:
+    """The sources of an exporter, as they follow the config and the network."""
+
+    def __init__(
+        self, state: FleetState, listener: Listener, sources: Sequence[ArraySource]
+    ) -> None:
+        self._state, self._listener, self._sources = state, listener, sources
+        self._configured = threading.Event()  # anew; its domains are not joined yet
+        self._join_at = 0.0  # what could not be joined, monotonic
+        self.loop = Loop("domains", INTERVAL, self.turn)
+
+    def configured(self) -> None:
+        """Note that there is another config; it is followed soon."""
+        for domain_id in self._listener.domain_ids:  # also for robots that are new
+            self._state.domain_joined(domain_id)
+        self._configured.set()
+        self.loop.wake()
+
+    def join(self) -> None:
+        """Have all sources follow the config; a domain that cannot be joined is tried again.
+
+        Does not wait until they are joined, and at most some seconds until others are left.
+        """
+        self._join_at = read_clocks().mono + AGAIN
+        for source in self._sources:
+            source.follow(self._state.fleet)
+        for domain_id in self._listener.domain_ids:
+            self._state.domain_joined(domain_id)
+
+    def turn(self) -> None:
+        """Join what the config adds, what could not be joined, and anew what has become deaf."""
+        now = read_clocks()
+        anew = self._find_deaf(now)
+        if anew:
+            self._leave(anew, now)
+        elif self._configured.is_set():
+            self._configured.clear()
+        elif now.mono < self._join_at or self._listener.domain_ids == self._state.fleet.domain_ids:
+            return
+        else:
+            self._note_late(now)
+        self.join()
+
+    def _note_late(self, now: Instant) -> None:
+        for domain_id in self._listener.joining:
+            log.warning("%s is still being joined", place(domain_id))
+            self._state.domain_failed(domain_id, "it is still being joined", now)
+
+    def _find_deaf(self, now: Instant) -> Mapping[Domain, str]:
+        """The domains to be joined anew, and why.
+
+        Of one in which all robots have fallen silent nobody knows whether it is the robots; but a
+        participant that has lost the network is healed by nothing else. Not of a single robot: it
+        is found later by another participant than by the one that knows it.
+        """
+        joined, received = self._listener.joined_at, self._state.received_since
+        silent = {
+            domain: SILENT
+            for domain, at in joined.items()
+            if now.mono >= at + LEAST and is_deaf(received(domain, at))
+        }
+        return silent | dict.fromkeys(self._listener.find_outdated(), MOVED)
+
+    def _leave(self, domains: Mapping[Domain, str], now: Instant) -> None:
+        for domain_id, why in domains.items():
+            log.warning("%s is joined anew: %s", place(domain_id), why)
+            if why == MOVED:  # so that the silence of its robots is none of theirs
+                self._state.domain_failed(domain_id, f"it is joined anew: {why}", now)
+        self._listener.leave(domains)
