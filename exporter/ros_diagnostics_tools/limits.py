@@ -1,0 +1,86 @@
+"""How much is read of a file that somebody else made: none takes all memory, all disk or all day.
+
+A few kilobytes can be written so that they unpack to gigabytes.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Protocol
+
+from ros_diagnostics_exporter import zstd
+from ros_diagnostics_exporter.files import read_regular
+
+TEXT = 256 * 2**20  # bytes of a file that is read whole
+MESSAGE = 64 * 2**20  # bytes of a message that was compressed by itself
+CHUNK = 256 * 2**20  # bytes of a part of a recording, unpacked
+UNPACKED = 4 * 2**30  # bytes of an archive, unpacked
+_PIECE = 2**20
+
+
+class Source(Protocol):
+    """What bytes are read from."""
+
+    def read(self, size: int, /) -> bytes:
+        """The next bytes."""
+
+
+class LimitError(ValueError):
+    """There is more of it than is read."""
+
+
+def size(count: int) -> str:
+    """A limit for people."""
+    return f"{count >> 30} GB" if count >> 30 else f"{count >> 20} MB"
+
+
+def read(path: Path, most: int) -> bytes:
+    """All of a regular file.
+
+    Raises:
+        OSError: it cannot be read, or is a device or a FIFO.
+        LimitError: it is larger.
+    """
+    content = read_regular(path, most + 1)
+    if len(content) > most:
+        raise LimitError(f"has more than {size(most)}")
+    return content
+
+
+def unpack(source: Source, target: Path, most: int) -> int:
+    """Write what ``source`` yields to a file; how many bytes that are.
+
+    Raises:
+        LimitError: it is more than ``most``, or than the disk has room for.
+    """
+    most = min(most, shutil.disk_usage(target.parent).free)
+    count = 0
+    with target.open("wb") as out:
+        while piece := source.read(_PIECE):
+            count += len(piece)
+            if count > most:
+                raise LimitError(f"unpacks to more than {size(most)}")
+            out.write(piece)
+    return count
+
+
+def unzstd(data: bytes, most: int, *, is_cut: bool = False) -> bytes:
+    """Zstandard's frames, unpacked; of data that ``is_cut`` off what is there.
+
+    Raises:
+        ZstdError: they are damaged.
+        LimitError: they unpack to more than ``most`` bytes.
+    """
+    parts: list[bytes] = []
+    left = most
+    while data:
+        frame = zstd.ZstdDecompressor()
+        parts.append(frame.decompress(data, max_length=left + 1))
+        left -= len(parts[-1])
+        if left < 0:
+            raise LimitError(f"unpacks to more than {size(most)}")
+        if not frame.eof and not is_cut:
+            raise zstd.ZstdError("is cut off")
+        data = frame.unused_data if frame.eof else b""
+    return b"".join(parts)
