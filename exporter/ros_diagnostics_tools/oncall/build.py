@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -46,9 +46,7 @@ def build(oncall: OnCall, duties: Duties, base: Path, until: datetime, header: s
     Raises:
         ConfigError: the configuration cannot be read, or does not fit oncall.yml.
     """
-    site = _Configuration(base)
-    if problems := [*_misfits(oncall, site)]:
-        raise ConfigError(problems)
+    site = _fitting(oncall, base)
     horizon = _BUILT + until.isoformat()
     overlap = site.overlap({level.receiver for level in oncall.levels})
     for level in oncall.levels:
@@ -65,6 +63,23 @@ def build(oncall: OnCall, duties: Duties, base: Path, until: datetime, header: s
     site.add("time_intervals", _interval(horizon, begin, until))
     text: str = yaml.serialize(site.root, Dumper=yaml.BaseDumper, allow_unicode=True, width=10_000)
     return f"{header}\n{text}"
+
+
+def check(oncall: OnCall, base: Path) -> list[Finding]:
+    """What to be warned of where the two are built together.
+
+    Raises:
+        ConfigError: they cannot be; see `build`.
+    """
+    site = _fitting(oncall, base)
+    return [*site.taken_away({level.receiver for level in oncall.levels})]
+
+
+def _fitting(oncall: OnCall, base: Path) -> _Configuration:
+    site = _Configuration(base)
+    if problems := [*_misfits(oncall, site)]:
+        raise ConfigError(problems)
+    return site
 
 
 def built_until(content: str) -> datetime | None:
@@ -244,8 +259,18 @@ def _route_misfits(oncall: OnCall, level: Level, site: _Configuration) -> Iterat
         for key in ("routes", "active_time_intervals", "mute_time_intervals"):
             if (own := _get(node, key)) is not None:
                 what = f"{quoted(key)} is not possible in the route to {quoted(level.receiver)}"
-                remedy = "remove it: hours are in oncall.yml"
+                remedy = (
+                    _BELOW
+                    if key == "routes" and _items(own)
+                    else "remove it: hours are in oncall.yml"
+                )
                 yield Finding(site.path, own.start_mark.line + 1, "route", what, remedy)
+
+
+_BELOW = (
+    "add {matchers: [severity = critical], receiver: on-call, continue: true} as its first one, "
+    "and give the level receiver: on-call and the receivers to copy in like"
+)
 
 
 class _Configuration:
@@ -266,6 +291,29 @@ class _Configuration:
         """The routes that name this receiver, with their group_interval in seconds."""
         return [each for each in self._routes if _text(_get(each[0], "receiver")) == receiver]
 
+    def taken_away(self, receivers: Container[str]) -> Iterator[Finding]:
+        """What no longer goes to the receiver of a route, because one below it matches first.
+
+        With `continue` it is meant to: Alertmanager goes on to the next routes, but not to the
+        receiver above them.
+        """
+        return self._taken_away(_get(self.root, "route"), "", receivers)
+
+    def _taken_away(
+        self, route: yaml.Node, inherited: str, receivers: Container[str]
+    ) -> Iterator[Finding]:
+        above = _text(_get(route, "receiver")) or inherited
+        sends = bool(_integrations(self.receivers[above])) if above in self.receivers else False
+        below = _items(_get(route, "routes"))
+        for number, child in enumerate(below, 1):
+            receiver, goes_on = _text(_get(child, "receiver")), _text(_get(child, "continue"))
+            is_taken = receiver in receivers and goes_on == "true" and receiver != above
+            if is_taken and sends and not any(map(_takes_all, below[number:])):
+                what = f"alerts for {quoted(receiver)} no longer go to {quoted(above)}, above it"
+                remedy = f"add - receiver: {above} as the last of the routes below that"
+                yield Finding(self.path, child.start_mark.line + 1, "route", what, remedy)
+            yield from self._taken_away(child, above, receivers)
+
     def overlap(self, receivers: Iterable[str]) -> timedelta:
         """How long a person is notified beyond the end of a duty: whole minutes.
 
@@ -284,6 +332,12 @@ class _Configuration:
         found = _get(self.root, key)
         found.flow_style = False
         found.value += entries
+
+
+def _takes_all(route: yaml.Node) -> bool:
+    return not any(_items(_get(route, "matchers"))) and not any(
+        _get(route, key) for key in ("match", "match_re")
+    )
 
 
 def _compose(path: Path) -> yaml.Node:
