@@ -48,8 +48,14 @@ def read(path: Path, most: int) -> bytes:
     return content
 
 
-def unpack(source: Source, target: Path, most: int) -> int:
-    """Write what ``source`` yields to a file; how many bytes that are.
+def check(count: int, most: int) -> None:
+    """Raise LimitError where something unpacks to more bytes than are read."""
+    if count > most:
+        raise LimitError(f"unpacks to more than {size(most)}")
+
+
+def unpack(source: Source, target: Path, most: int) -> None:
+    """Write what ``source`` yields to a file.
 
     Raises:
         LimitError: it is more than ``most``, or than the disk has room for.
@@ -59,10 +65,8 @@ def unpack(source: Source, target: Path, most: int) -> int:
     with target.open("wb") as out:
         while piece := source.read(_PIECE):
             count += len(piece)
-            if count > most:
-                raise LimitError(f"unpacks to more than {size(most)}")
+            check(count, most)
             out.write(piece)
-    return count
 
 
 def unzstd(data: bytes, most: int, *, is_cut: bool = False) -> bytes:
@@ -73,13 +77,12 @@ def unzstd(data: bytes, most: int, *, is_cut: bool = False) -> bytes:
         LimitError: they unpack to more than ``most`` bytes.
     """
     parts: list[bytes] = []
-    left = most
+    count = 0
     while data:
         frame = zstd.ZstdDecompressor()
-        parts.append(frame.decompress(data, max_length=left + 1))
-        left -= len(parts[-1])
-        if left < 0:
-            raise LimitError(f"unpacks to more than {size(most)}")
+        parts.append(frame.decompress(data, max_length=most + 1 - count))
+        count += len(parts[-1])
+        check(count, most)
         if not frame.eof and not is_cut:
             raise zstd.ZstdError("is cut off")
         data = frame.unused_data if frame.eof else b""

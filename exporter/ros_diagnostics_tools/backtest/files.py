@@ -71,11 +71,12 @@ def _unpacked(path: Path, folder: Path) -> Iterator[Path]:
         with zipfile.ZipFile(path) as archive:
             members = [each for each in archive.namelist() if _suffix(Path(each)) in FORMATS]
             bags = [each for each in members if _suffix(Path(each)) in BAGS]
-            left = limits.UNPACKED
-            for number, member in enumerate(bags or members):
+            taken = bags or members
+            limits.check(sum(archive.getinfo(each).file_size for each in taken), limits.UNPACKED)
+            for number, member in enumerate(taken):
                 target = folder / f"{number:04d}-{PurePosixPath(member).name}"
                 with archive.open(member) as source:
-                    left -= limits.unpack(source, target, left)
+                    limits.unpack(source, target, limits.UNPACKED)
                 yield target
     except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, ValueError) as error:
         raise RecordingError(f"{path}: cannot be unpacked: {shortened(error)}") from error
