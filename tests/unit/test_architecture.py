@@ -59,6 +59,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
             "pairs",
             "terminal",
             "times",
+            "yaml_nodes",
         ),
         ("servers",),
         ("autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),

@@ -37,7 +37,7 @@ def documents(text: str) -> Iterator[Document]:
 
 def _json(text: str) -> Iterator[Document]:
     decoder, line, counted = json.JSONDecoder(), 1, 0
-    at = _behind_separators(text, 0)
+    at = _after_separators(text, 0)
     while at < len(text):
         line, counted = line + text.count("\n", counted, at), at
         try:
@@ -48,10 +48,10 @@ def _json(text: str) -> Iterator[Document]:
             end = len(text) if found is None else found.end()
         else:
             yield Document(line, value)
-        at = _behind_separators(text, end)
+        at = _after_separators(text, end)
 
 
-def _behind_separators(text: str, at: int) -> int:
+def _after_separators(text: str, at: int) -> int:
     found = _BETWEEN.match(text, at)
     return at if found is None else found.end()
 

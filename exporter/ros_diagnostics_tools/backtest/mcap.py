@@ -262,8 +262,7 @@ def _content(chunk: Chunk) -> bytes:
         One of _DAMAGE: it is not what was written, or more than is read.
     """
     size = chunk.uncompressed_size
-    if size > limits.CHUNK:
-        raise ValueError(f"has more than {limits.size(limits.CHUNK)}")
+    limits.check(size, limits.CHUNK)
     content = chunk.data
     if chunk.compression == "zstd":
         content = limits.unzstd(chunk.data, size)

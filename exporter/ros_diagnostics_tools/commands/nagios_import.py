@@ -23,7 +23,7 @@ from ros_diagnostics_tools.nagios.importer.convert import (
     convert,
 )
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
-from ros_diagnostics_tools.nagios.importer.ledger import Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.terminal import print_json, with_output
 
 
@@ -108,7 +108,7 @@ def command(
     except NagiosError as error:
         raise NotDoneError(str(error)) from error
     _write(converted, folder, force=force)
-    lost = {part: len(converted.ledger.lost_in(part)) for part in Part}
+    lost = {part: len(converted.ledger.lost_in(part)) for part in Effect}
     if output == "json":
         counts = {part.name.lower(): count for part, count in lost.items()}
         found = {"robots": converted.robots, "files": [*converted.texts]}
@@ -127,7 +127,7 @@ def command(
             f"its command or its file (commands of services: {commands})",
             file=sys.stderr,
         )
-    return NO if lost[Part.NO_LONGER] else 0
+    return NO if lost[Effect.NO_LONGER] else 0
 
 
 def _write(converted: Converted, folder: Path, *, force: bool) -> None:

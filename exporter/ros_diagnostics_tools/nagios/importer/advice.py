@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ros_diagnostics_tools.nagios.importer.files import Directive
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 
 _PAGE = "a text for Nagios' pages: not shown here"
 _LINK = "links stand in alertmanager/templates/site.tmpl, for all alerts"
@@ -129,6 +130,11 @@ OTHERWISE = frozenset(
         "dependent_servicegroup_name",
     }
 )
+
+
+def effect(directive: Directive) -> Effect:
+    """What a directive that nothing here translates means to those who are notified."""
+    return Effect.OTHERWISE if directive.key in OTHERWISE else Effect.INFORMATION
 
 
 def advice(directive: Directive) -> str:

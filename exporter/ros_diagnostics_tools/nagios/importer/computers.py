@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot, confirm_after
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
@@ -162,10 +162,10 @@ def _in_groups(made: list[dict[str, Any]], first: list[str]) -> Iterator[dict[st
 def _report(thing: Thing, host: Thing, *, is_answered: bool) -> None:
     name, key = host.get("host_name"), "check_command"
     if is_answered:
-        thing.lose(key, f"{name}: the query of uplinks in fleet.yml", Part.OTHERWISE)
+        thing.lose(key, f"{name}: the query of uplinks in fleet.yml", Effect.OTHERWISE)
     elif _notifies(thing, host):
         key = key if key in thing else "host_name"
-        thing.lose(key, f"{name}: nobody is notified of it: {NO_ROBOT}", Part.NO_LONGER)
+        thing.lose(key, f"{name}: nobody is notified of it: {NO_ROBOT}", Effect.NO_LONGER)
 
 
 def _notifies(thing: Thing, host: Thing) -> bool:
@@ -189,7 +189,7 @@ def _made(site: Site, service: Service, known: Asked) -> list[dict[str, Any]]:
     elif known.name == "ping" and known.warning:
         remedy += ": whether it answers, not how fast"
     job = "blackbox_exporter" if "thresholds" in of_check[0] else "node_exporter"
-    thing.lose("check_command", f"{remedy}; needs {job} (docs/queries.md)", Part.OTHERWISE)
+    thing.lose("check_command", f"{remedy}; needs {job} (docs/queries.md)", Effect.OTHERWISE)
     made = zip(of_check, limits, strict=True)
     return [{**each, **({"thresholds": limit} if limit else {}), **time} for each, limit in made]
 

@@ -20,7 +20,7 @@ from ros_diagnostics_tools.nagios.importer import (
 )
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
-from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger, Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect, ImportLedger
 from ros_diagnostics_tools.nagios.importer.merge import merged
 from ros_diagnostics_tools.nagios.importer.site import Site
 
@@ -41,9 +41,9 @@ HEADERS = {
 
 
 TITLES = {
-    Part.NO_LONGER: "No longer notified",
-    Part.OTHERWISE: "Notified otherwise",
-    Part.INFORMATION: "For your information",
+    Effect.NO_LONGER: "No longer notified",
+    Effect.OTHERWISE: "Notified otherwise",
+    Effect.INFORMATION: "For your information",
 }
 
 
@@ -143,25 +143,19 @@ def _account_for_rest(found: files.Read, templates: Templates, ledger: ImportLed
     for definition in found.definitions:
         for each in definition.directives:
             if not ledger.knows(each):
-                why = _why(definition, each, templates)
-                ledger.lost((each,), why, _part(definition, each, templates))
+                ledger.lost((each,), *_why(definition, each, templates))
     for each in found.settings:
         if not ledger.knows(each):
-            part = Part.OTHERWISE if each.key in advice.OTHERWISE else Part.INFORMATION
-            ledger.lost((each,), advice.advice(each), part)
+            ledger.lost((each,), advice.advice(each), advice.effect(each))
 
 
-def _part(definition: Definition, directive: Directive, templates: Templates) -> Part:
-    counts = templates.is_used(definition) and directive in templates.effective
-    return Part.OTHERWISE if counts and directive.key in advice.OTHERWISE else Part.INFORMATION
-
-
-def _why(definition: Definition, directive: Directive, templates: Templates) -> str:
+def _why(definition: Definition, directive: Directive, templates: Templates) -> tuple[str, Effect]:
     if not templates.is_used(definition):
-        return "no object inherits from this template"
+        return "no object inherits from this template", Effect.INFORMATION
     if directive not in templates.effective and directive.key not in NOT_INHERITED:
-        return "overridden: by a later line of the object, or by all objects that inherit it"
-    return advice.advice(directive)
+        why = "overridden: by a later line of the object, or by all objects that inherit it"
+        return why, Effect.INFORMATION
+    return advice.advice(directive), advice.effect(directive)
 
 
 def report(ledger: ImportLedger) -> str:
@@ -173,7 +167,7 @@ def report(ledger: ImportLedger) -> str:
     parts["Translated"] = [
         f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows
     ]
-    texts = ("\n".join((f"{title} ({len(of)}):", *of)) for title, of in parts.items())
+    texts = ("\n".join((f"{title} ({len(lines)}):", *lines)) for title, lines in parts.items())
     return "\n\n".join(texts) + "\n"
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from ros_diagnostics_exporter.config.scalars import DAY, DAYS
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
@@ -150,7 +150,7 @@ def _hours(site: Site, thing: Thing, name: str, above: tuple[str, ...]) -> Hours
 def _with_exception(found: Hours, thing: Thing, key: str, where: str) -> Hours:
     dates = _dates(key)
     if dates is None:
-        thing.lose(key, _NO_SUCH_DATE, Part.OTHERWISE)
+        thing.lose(key, _NO_SUCH_DATE, Effect.OTHERWISE)
         return found
     ranges = _ranges(thing.take(key, where))
     muted = [{**each, **times(rest)} for each in dates if (rest := tuple(_complement(ranges)))]
@@ -163,7 +163,7 @@ def _without(found: Hours, other: Hours, thing: Thing) -> Hours:
         thing.lose(
             "exclude",
             f"{other.name} has dates of its own, which exclude does not keep",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
     thing.take("exclude", f"the hours {found.name}, muted in {other.name}")
     return replace(found, muted=(*found.muted, *other.intervals()))

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
-from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger, Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect, ImportLedger
 
 NOT_INHERITED = frozenset({"name", "use", "register"})
 # What a leading + adds to: the lists that xodtemplate.c passes to get_inherited_string.
@@ -52,7 +52,7 @@ class Thing:
         self._ledger.translated(self.lines(key), where)
         return self.get(key)
 
-    def lose(self, key: str, remedy: str, part: Part = Part.INFORMATION) -> None:
+    def lose(self, key: str, remedy: str, part: Effect = Effect.INFORMATION) -> None:
         """Report a value that is given and has no equivalent."""
         self._ledger.lost(self.lines(key), remedy, part)
 
@@ -76,7 +76,7 @@ class Thing:
             return default
         found = leading_number(text)
         if found is None:
-            self.lose(key, f"{text!r} is not a number, and 0 to Nagios", Part.OTHERWISE)
+            self.lose(key, f"{text!r} is not a number, and 0 to Nagios", Effect.OTHERWISE)
         return found or 0.0
 
 

@@ -11,7 +11,7 @@ from enum import IntEnum
 from ros_diagnostics_tools.nagios.importer.files import Directive
 
 
-class Part(IntEnum):
+class Effect(IntEnum):
     """What a line that has no equivalent means to those who were notified, the worst first."""
 
     NO_LONGER = 0  # Nagios notified, and nobody does here
@@ -25,7 +25,7 @@ class ImportLedger:
     def __init__(self) -> None:
         self._translated: dict[Directive, dict[str, None]] = {}
         self._lost: dict[Directive, dict[str, None]] = {}
-        self._parts: dict[Directive, Part] = {}
+        self._parts: dict[Directive, Effect] = {}
 
     def translated(self, directives: Iterable[Directive], where: str) -> None:
         """Note that the directives are in the output, at ``where``."""
@@ -33,7 +33,10 @@ class ImportLedger:
             self._translated.setdefault(each, {})[where] = None
 
     def lost(
-        self, directives: Iterable[Directive], remedy: str, part: Part = Part.INFORMATION
+        self,
+        directives: Iterable[Directive],
+        remedy: str,
+        part: Effect = Effect.INFORMATION,
     ) -> None:
         """Note that they, or a part of what they say, have no equivalent, and what to do."""
         for each in directives:
@@ -58,7 +61,7 @@ class ImportLedger:
         """What has no equivalent, by file and line."""
         return _rows(self._lost)
 
-    def lost_in(self, part: Part) -> list[tuple[Directive, tuple[str, ...]]]:
+    def lost_in(self, part: Effect) -> list[tuple[Directive, tuple[str, ...]]]:
         """The rows of one part."""
         return [row for row in self.lost_rows if self._parts[row[0]] is part]
 

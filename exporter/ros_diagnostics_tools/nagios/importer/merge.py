@@ -11,6 +11,7 @@ import yaml
 
 from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
+from ros_diagnostics_tools.yaml_nodes import get, items, scalar
 
 MOST_BYTES = 16 * 2**20
 OURS = "RosDiagnostics.+"  # in the matcher of the route that docs/existing-servers.md adds
@@ -25,10 +26,10 @@ def merged(path: Path, content: dict[str, Any], dump: Dump) -> str:
     """
     text = _text(path)
     root = _composed(path, text)
-    names = {_value(each, "name") for each in _items(_get(root, "receivers"))}
+    names = {scalar(get(each, "name")) for each in items(get(root, "receivers"))}
     if twice := names & {each["name"] for each in content["receivers"]}:
         raise NagiosError(f"{path}: has a receiver {min(twice)} already; give the file before that")
-    route = _get(root, "route")
+    route = get(root, "route")
     if not isinstance(route, yaml.MappingNode):
         raise NagiosError(f"{path}: has no route; give Alertmanager's configuration")
     places = [(_ours(route), "routes", content["routes"])]
@@ -60,9 +61,9 @@ def _composed(path: Path, text: str) -> yaml.MappingNode:
 
 def _ours(route: yaml.MappingNode) -> yaml.MappingNode:
     """The route of the alerts about robots: that of a site which has others, or the whole."""
-    for each in _items(_get(route, "routes")):
-        matchers = [str(one.value) for one in _items(_get(each, "matchers"))]
-        if any(OURS in one for one in matchers) and _get(each, "routes") is not None:
+    for each in items(get(route, "routes")):
+        matchers = [str(one.value) for one in items(get(each, "matchers"))]
+        if any(OURS in one for one in matchers) and get(each, "routes") is not None:
             found: yaml.MappingNode = each
             return found
     return route
@@ -72,12 +73,12 @@ def _edit(
     path: Path, node: yaml.MappingNode, key: str, added: list[Any], dump: Dump
 ) -> tuple[int, str]:
     """Before which line of the file something is inserted, and what."""
-    found = _get(node, key)
+    found = get(node, key)
     if isinstance(found, yaml.SequenceNode) and found.value and not found.flow_style:
         first = found.value[0].start_mark
         indent = found.start_mark.column
         return first.line, textwrap.indent(dump(added), " " * indent)
-    if found is not None and _items(found):
+    if found is not None and items(found):
         line = found.start_mark.line + 1
         raise NagiosError(f"{path}:{line}: write {key} as a list with a line for each entry")
     column = node.start_mark.column
@@ -90,17 +91,3 @@ def _edit(
 def _inserted(text: str, line: int, added: str) -> str:
     lines = text.splitlines(keepends=True)
     return "".join((*lines[:line], added, *lines[line:]))
-
-
-def _get(node: yaml.Node | None, key: str) -> yaml.Node | None:
-    pairs = node.value if isinstance(node, yaml.MappingNode) else []
-    return next((value for name, value in pairs if name.value == key), None)
-
-
-def _items(node: yaml.Node | None) -> list[Any]:
-    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
-
-
-def _value(node: yaml.Node, key: str) -> str:
-    found = _get(node, key)
-    return "" if found is None else str(found.value)

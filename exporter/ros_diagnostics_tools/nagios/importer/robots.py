@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.config.scalars import MAX_DOMAIN_ID, address, is_n
 from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.hours import Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
 UPLINK_QUERY = {  # as in docs/examples/queries/queries.d/hosts.yml
@@ -236,7 +236,7 @@ def _outside_check_period(site: Site, robot: Robot, time_zone: str) -> dict[str,
         robot.host.lose(
             "check_period",
             f"the dates of {period}: add them to maintenance by hand",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
     if not weekly:
         return None
@@ -324,7 +324,7 @@ def _overlap(service: Service, words: str, rules: dict[str, dict[str, Any]]) -> 
             "check_command",
             f"its filter {words} and {other} of another service match the same components: "
             "times and contacts are those of the longer filter",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
 
 
@@ -349,19 +349,19 @@ def _check_name(service: Service, check: plugin.Check) -> str:
         thing.lose(
             "check_command",
             f"it asks {check.host}, not its host: declare a robot for {check.host}",
-            Part.NO_LONGER,
+            Effect.NO_LONGER,
         )
     if check.timeout:
-        _lose_arguments(thing, f"-t {check.timeout}", Part.INFORMATION)
+        _lose_arguments(thing, f"-t {check.timeout}", Effect.INFORMATION)
     known = (host.get("host_name"), host.get("address"), host.get("_ROS_NAMESPACE"))
     if rest := [each for each in check.rest if each not in known]:
         is_option = all(each.startswith("-") for each in rest)  # values of the host's are known
-        part = Part.INFORMATION if is_option else Part.OTHERWISE
+        part = Effect.INFORMATION if is_option else Effect.OTHERWISE
         _lose_arguments(thing, " ".join(check.rest), part)
     return name
 
 
-def _lose_arguments(thing: Thing, text: str, part: Part) -> None:
+def _lose_arguments(thing: Thing, text: str, part: Effect) -> None:
     thing.lose("check_command", f"not translated of the plug-in's arguments: {text}", part)
 
 
@@ -383,7 +383,7 @@ def _values(service: Service, check: plugin.Check) -> list[dict[str, Any]]:
                 if value
             )
             + ": write thresholds of a value in fleet.yml",
-            Part.NO_LONGER,
+            Effect.NO_LONGER,
         )
         return []
     service.thing.take("check_command", "fleet.yml: profiles.*.values")
@@ -403,7 +403,7 @@ def _rule(site: Site, service: Service, robot: Robot) -> dict[str, Any]:
         service.thing.lose(
             "check_period",
             "a downtime in fleet.yml is one of the whole robot: add it to maintenance",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
     elif period:
         service.thing.take("check_period", "that of its host")

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter import durations
 from ros_diagnostics_tools.nagios.importer import advice, plugin, rotas
 from ros_diagnostics_tools.nagios.importer.hours import ALWAYS, Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Part
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot, check_name
 from ros_diagnostics_tools.nagios.importer.rotas import Turn
 from ros_diagnostics_tools.nagios.importer.site import Site
@@ -205,7 +205,7 @@ class _Router:
             receiver["email_configs"] = [{"to": email, "send_resolved": recovery, **EMAIL}]
         else:
             remedy = f"has no email: add its way to the receiver {name}"
-            contact.lose("contact_name", remedy, Part.NO_LONGER)
+            contact.lose("contact_name", remedy, Effect.NO_LONGER)
         self._ways(contact)
         self.made.receivers.setdefault(name, receiver)
         return name
@@ -216,13 +216,13 @@ class _Router:
             key = f"{kind}_notification_commands"
             commands = (self._site.find("command", each) for each in contact.list(key))
             lines = [each.get("command_line") for each in commands if each is not None]
-            for macro, of in MACROS.items():
-                if of in contact and any(macro in line for line in lines):
-                    contact.lose(of, advice.ADVICE["pager"], Part.NO_LONGER)
+            for macro, key_of_way in MACROS.items():
+                if key_of_way in contact and any(macro in line for line in lines):
+                    contact.lose(key_of_way, advice.ADVICE["pager"], Effect.NO_LONGER)
             others = [each for each in lines if "$CONTACT" not in each]
             if others:
                 remedy = "a way of its own: add sns_configs or a webhook to the contact's receiver"
-                contact.lose(key, remedy, Part.NO_LONGER)
+                contact.lose(key, remedy, Effect.NO_LONGER)
 
     # -- routes ------------------------------------------------------------------------------
 
@@ -349,7 +349,7 @@ class _Router:
             "first_notification",
             f"about {durations.written(after)} after the first notification in Nagios; the time of "
             f"step {step} is in prometheus/rules/escalation.yml",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
         period = hours(self._site, thing.take("escalation_period", ESCALATIONS))
         worst: dict[Kind, str] = {"host": "d", "service": "c"}
@@ -391,12 +391,12 @@ def _options(kind: Kind, thing: Thing, key: str, where: str) -> frozenset[str]:
             "host": "u: UNREACHABLE is a fault of the uplink, one for all behind it",
             "service": "u: a robot that is silent is one alert, not one of each component",
         }
-        thing.lose(key, remedy[kind], Part.OTHERWISE)
+        thing.lose(key, remedy[kind], Effect.OTHERWISE)
     if kind == "service" and "s" in letters and key in thing.values:
         thing.lose(
             key,
             "s: a downtime is one of the robot, and notified to its host's contacts",
-            Part.OTHERWISE,
+            Effect.OTHERWISE,
         )
     return frozenset() if letters & {"n"} else letters
 
