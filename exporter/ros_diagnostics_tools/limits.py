@@ -6,6 +6,7 @@ A few kilobytes can be written so that they unpack to gigabytes.
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +18,10 @@ MESSAGE = 64 * 2**20  # bytes of a message that was compressed by itself
 CHUNK = 256 * 2**20  # bytes of a part of a recording, unpacked
 UNPACKED = 4 * 2**30  # bytes of an archive, unpacked
 _PIECE = 2**20
+_HELD = (
+    "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c"
+    " WHERE m.type = 'table' AND m.rootpage > 0"
+)
 
 
 class Source(Protocol):
@@ -67,6 +72,14 @@ def unpack(source: Source, target: Path, most: int) -> None:
             count += len(piece)
             check(count, most)
             out.write(piece)
+
+
+def held_columns(connection: sqlite3.Connection) -> set[tuple[str, str]]:
+    """Tables and columns whose rows are in the file: a view could have any number of them.
+
+    Columns that are computed are not in `table_info`; views and virtual tables have no pages.
+    """
+    return set(connection.execute(_HELD))
 
 
 def unzstd(data: bytes, most: int, *, is_cut: bool = False) -> bytes:

@@ -12,12 +12,6 @@ from ros_diagnostics_exporter import zstd
 from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Row, shortened
 
-# Columns that are computed are not in `table_info`, views and virtual tables have no pages: what a
-# bag holds is in its file.
-_HELD = (
-    "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c"
-    " WHERE m.type = 'table' AND m.rootpage > 0"
-)
 _NEEDED = {
     *(("topics", name) for name in ("id", "name", "type", "serialization_format")),
     *(("messages", name) for name in ("id", "topic_id", "timestamp", "data")),
@@ -50,7 +44,7 @@ class SqliteBag:
             stack.pop_all()  # it can be read, and stays open
 
     def _read_topics(self) -> None:
-        if not set(self._file.execute(_HELD)) >= _NEEDED:
+        if not limits.held_columns(self._file) >= _NEEDED:
             raise sqlite3.DatabaseError("it has no tables topics and messages")
         self._names: dict[int, str] = {}
         self.others: dict[str, str] = {}

@@ -20,6 +20,7 @@ from pydantic import (
     ValidationError,
 )
 
+from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.documents import Document, documents
@@ -35,8 +36,7 @@ _Unplaced = tuple[float | None, str | None, Array | Undecodable]
 def is_text(path: Path) -> bool:
     """Whether a file with any ending has printed messages."""
     try:
-        with path.open("rb") as file:
-            head = file.read(HEAD)
+        head = read_regular(path, HEAD)
     except OSError:  # who reads it names what is wrong
         return False
     return b"\0" not in head and (b"status:" in head or b'"status"' in head)

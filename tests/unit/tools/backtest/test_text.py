@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 from contextlib import closing
 
 import pytest
@@ -206,3 +207,11 @@ def test_a_text_in_which_nothing_can_be_decoded_says_why(tmp_path):
     assert str(raised.value) == (
         f"{path}: is no recording of diagnostics: line 1: header.stamp: Field required"
     )
+
+
+def test_a_pipe_is_no_recording(tmp_path):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+
+    with pytest.raises(RecordingError, match="is no recording"), opened(path):
+        pass
