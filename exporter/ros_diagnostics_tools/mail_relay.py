@@ -10,10 +10,13 @@ import asyncio
 import logging
 import re
 import smtplib
+import ssl
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from email import message_from_bytes, policy
 from email.message import EmailMessage
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,30 +40,49 @@ class Attachment(NamedTuple):
 
 @dataclass(frozen=True)
 class Smarthost:
-    """The mail server; with a user also the file with the password in one line."""
+    """The mail server; with a user also the file with the password in one line.
+
+    Its certificate has to be one of ``ca_file``, or of this machine's authorities, and have its
+    name.
+    """
 
     host: str
     port: int
     starttls: bool = False
     user: str | None = None
     password_file: Path | None = None
+    ca_file: Path | None = None
+
+    @property
+    def hides_password(self) -> bool:
+        """Whether nobody on the way can read a login."""
+        return self.starttls or is_loopback(self.host)
 
     def connect(self) -> smtplib.SMTP:
         """Open a connection, and log in where there is a user.
 
         Raises:
-            OSError, smtplib.SMTPException: it does not answer, or rejects the login.
+            OSError, smtplib.SMTPException: it does not answer, is another one than its
+                certificate says, or rejects the login.
         """
         smtp = smtplib.SMTP(self.host, self.port, timeout=TIMEOUT)
         try:
             if self.starttls:
-                smtp.starttls()
+                smtp.starttls(context=ssl.create_default_context(cafile=self.ca_file))
             if self.user is not None and self.password_file is not None:
                 smtp.login(self.user, self.password_file.read_text("utf-8").rstrip("\r\n"))
         except BaseException:
             smtp.close()
             raise
         return smtp
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this machine, by its name or address."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 Fetch = Callable[[str], "bytes | None"]
@@ -104,6 +126,48 @@ def _capsules(faults: dict[str, None], fetch: Fetch, most: int) -> Iterator[Atta
             yield Attachment(fault, content)
 
 
+class Delivery:
+    """One mail on its way: one connection to the mail server for all of its recipients."""
+
+    def __init__(self, smarthost: Smarthost, sender: str) -> None:
+        self._smarthost, self._sender = smarthost, sender
+        self._smtp: smtplib.SMTP | None = None
+
+    def offer(self, recipient: str) -> str:
+        """What the mail server says to a recipient."""
+        try:
+            if self._smtp is None:
+                self._smtp = self._smarthost.connect()
+                self._smtp.ehlo_or_helo_if_needed()
+                code, text = self._smtp.mail(self._sender)
+                if not 200 <= code < 300:
+                    self.close()
+                    return _line(code, text)
+            return _line(*self._smtp.rcpt(recipient))
+        except (OSError, ValueError, smtplib.SMTPException) as error:
+            self.close()
+            return _refusal(error)
+
+    def send(self, mail: bytes) -> str:
+        """Hand the mail to those who were accepted; what the mail server says."""
+        try:
+            if self._smtp is None:
+                return "451 the mail server has ended the connection"
+            return _line(*self._smtp.data(mail))
+        except (OSError, smtplib.SMTPException) as error:
+            return _refusal(error)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._smtp is not None:
+            with suppress(OSError, smtplib.SMTPException):  # it has, or does not answer
+                self._smtp.quit()
+            self._smtp.close()
+        self._smtp = None
+
+
 class Relay:
     """aiosmtpd's hooks: a mail comes in, and goes on to the mail server.
 
@@ -119,49 +183,50 @@ class Relay:
         self._most = most
 
     async def handle_RCPT(  # noqa: N802 - aiosmtpd calls it by this name
-        self, _server: Any, _session: Any, envelope: Any, address: str, _options: list[str]
+        self, _server: Any, session: Any, envelope: Any, address: str, _options: list[str]
     ) -> str:
         """Ask the mail server whether it takes it: Alertmanager 0.25 notices no later rejection."""
-        answer = await asyncio.to_thread(self._accepts, envelope.mail_from, address)
+        if getattr(session, "mail", None) is not envelope:
+            await asyncio.to_thread(end, session)
+            session.mail = envelope
+            session.delivery = Delivery(self._smarthost, envelope.mail_from)
+        answer: str = await asyncio.to_thread(session.delivery.offer, address)
         if answer.startswith("2"):
             envelope.rcpt_tos.append(address)
         return answer
 
-    async def handle_DATA(self, _server: Any, _session: Any, envelope: Any) -> str:  # noqa: N802
+    async def handle_RSET(self, _server: Any, session: Any, _envelope: Any) -> str:  # noqa: N802
+        """Give a mail up."""
+        await asyncio.to_thread(end, session)
+        return "250 OK"
+
+    async def handle_QUIT(self, _server: Any, session: Any, _envelope: Any) -> str:  # noqa: N802
+        """Give up a mail that was not sent."""
+        await asyncio.to_thread(end, session)
+        return "221 Bye"
+
+    async def handle_DATA(self, _server: Any, session: Any, envelope: Any) -> str:  # noqa: N802
         """Hand it on."""
-        sender, recipients = envelope.mail_from, list(envelope.rcpt_tos)
-        return await asyncio.to_thread(self._send, sender, recipients, envelope.original_content)
+        return await asyncio.to_thread(self._send, session.delivery, envelope.original_content)
 
-    def _accepts(self, sender: str, recipient: str) -> str:
-        try:
-            with self._smarthost.connect() as smtp:
-                smtp.ehlo_or_helo_if_needed()
-                for code, text in (smtp.mail(sender), smtp.rcpt(recipient)):
-                    if not 200 <= code < 300:
-                        return _line(code, text)
-        except (OSError, smtplib.SMTPException) as error:
-            return _refusal(error)
-        return "250 OK"
-
-    def _send(self, sender: str, recipients: list[str], mail: bytes) -> str:
+    def _send(self, delivery: Delivery, mail: bytes) -> str:
         mail, faults = attached(mail, self._fetch, self._most)
-        try:
-            with self._smarthost.connect() as smtp:
-                refused = smtp.sendmail(sender, recipients, mail)
-        except (OSError, smtplib.SMTPException) as error:
-            return _refusal(error)
-        for recipient, (code, text) in refused.items():
-            log.warning("%s: rejected: %s", one_line(recipient), _line(code, text))
-        log.info("mail forwarded, %s", f"with {', '.join(faults)}" if faults else "as it was")
-        return "250 OK"
+        answer = delivery.send(mail)
+        if answer.startswith("2"):
+            log.info("mail forwarded, %s", f"with {', '.join(faults)}" if faults else "as it was")
+        return answer
+
+
+def end(session: Any) -> None:
+    """End the connection to the mail server that a client's mail has."""
+    if hasattr(session, "delivery"):
+        session.delivery.close()
 
 
 def _refusal(error: Exception) -> str:
     """What the mail server said, for Alertmanager, which tries again after a 4xx."""
     if isinstance(error, smtplib.SMTPResponseException):
         answer = _line(error.smtp_code, error.smtp_error)
-    elif isinstance(error, smtplib.SMTPRecipientsRefused):
-        answer = _line(*next(iter(error.recipients.values())))
     else:
         answer = _line(451, f"the mail server: {error}")
     log.error("mail not forwarded: %s", answer)

@@ -98,10 +98,15 @@ def texts(result: Result) -> list[str]:
     ]
 
 
-def write_ros1(path: Path, rows: Iterable[Row]) -> Path:
+def write_ros1(
+    path: Path, rows: Iterable[Row], packing: Writer.CompressionFormat | None = None
+) -> Path:
     """A .bag of ROS 1 of these arrays."""
     types = get_typestore(Stores.ROS1_NOETIC)
-    with Writer(path) as writer:
+    writer = Writer(path)
+    if packing is not None:
+        writer.set_compression(packing)
+    with writer:
         connections: dict[str, Connection] = {}
         for second, topic, statuses in rows:
             if topic not in connections:

@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.model import Array, Instant, Level, Status, Topic
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.storage.database import find_events, reading
 from ros_diagnostics_exporter.storage.schema import APPLICATION, VERSION
+from ros_diagnostics_tools import limits
 
 HEARTBEAT = 1.0  # seconds between two arrays of a robot
 _ROBOT = TypeAdapter(PersistedRobot)
@@ -139,6 +140,8 @@ def _robots(path: Path) -> Iterator[tuple[str, PersistedRobot]]:
         [(version,)] = connection.execute("PRAGMA user_version")
         if version != VERSION:
             raise EventLogError(f"has version {version}, and this program reads {VERSION}")
+        if not limits.held_columns(connection) >= {("robots", "data"), ("events", "data")}:
+            raise EventLogError("has no tables robots and events")
         for name, data in connection.execute("SELECT name, data FROM robots WHERE name <> ''"):
             yield name, _ROBOT.validate_python(json.loads(data))
 

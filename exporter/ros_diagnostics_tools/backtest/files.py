@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -10,27 +9,27 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from ros_diagnostics_exporter import zstd
+from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import Format, RecordingError, shortened
-from ros_diagnostics_tools.backtest.json_file import JsonFile
 from ros_diagnostics_tools.backtest.mcap import McapFile
 from ros_diagnostics_tools.backtest.ros1 import Ros1Bag
 from ros_diagnostics_tools.backtest.sqlite_bag import SqliteBag
+from ros_diagnostics_tools.backtest.text_file import TextFile, is_text
 
 FORMATS: dict[str, Callable[[Path], Format]] = {
     ".mcap": McapFile,
     ".db3": SqliteBag,
     ".bag": Ros1Bag,
-    ".json": JsonFile,
-    ".jsonl": JsonFile,
+    **dict.fromkeys((".json", ".jsonl", ".yaml", ".yml"), TextFile),
 }
-BAGS = (".mcap", ".db3", ".bag")  # of a folder; what is in JSON beside them is something else
+BAGS = (".mcap", ".db3", ".bag")  # of a folder; texts beside them are something else
 
 
 def open_files(path: Path, stack: ExitStack) -> list[Format]:
     """Open all that a path has, until the stack is closed. Raises RecordingError."""
     opened = []
     for file in _files(path, stack):
-        found = FORMATS[file.suffix](file)
+        found = FORMATS.get(file.suffix, TextFile)(file)
         stack.callback(found.close)
         opened.append(found)
     return opened
@@ -44,7 +43,7 @@ def _files(path: Path, stack: ExitStack) -> list[Path]:
     elif not path.exists():
         raise RecordingError(f"{path}: there is no such file or folder")
     else:
-        found = [path] if _suffix(path) in FORMATS else []
+        found = [path] if _suffix(path) in FORMATS or is_text(path) else []
     if not found:
         raise RecordingError(f"{path}: is no recording, and has none: {', '.join(FORMATS)}, .zip")
     return [_decompressed(each, stack) for each in found]
@@ -59,10 +58,10 @@ def _decompressed(path: Path, stack: ExitStack) -> Path:
         return path
     target = Path(stack.enter_context(TemporaryDirectory()), path.stem)
     try:
-        with zstd.open_file(path, "rb") as source, target.open("wb") as out:
-            shutil.copyfileobj(source, out)
-    except (EOFError, zstd.ZstdError) as error:
-        raise RecordingError(f"{path}: is damaged: {shortened(error)}") from error
+        with zstd.open_file(path, "rb") as source:
+            limits.unpack(source, target, limits.UNPACKED)
+    except (EOFError, zstd.ZstdError, limits.LimitError) as error:
+        raise RecordingError(f"{path}: cannot be unpacked: {shortened(error)}") from error
     return target
 
 
@@ -72,10 +71,12 @@ def _unpacked(path: Path, folder: Path) -> Iterator[Path]:
         with zipfile.ZipFile(path) as archive:
             members = [each for each in archive.namelist() if _suffix(Path(each)) in FORMATS]
             bags = [each for each in members if _suffix(Path(each)) in BAGS]
-            for number, member in enumerate(bags or members):
+            taken = bags or members
+            limits.check(sum(archive.getinfo(each).file_size for each in taken), limits.UNPACKED)
+            for number, member in enumerate(taken):
                 target = folder / f"{number:04d}-{PurePosixPath(member).name}"
-                with archive.open(member) as source, target.open("wb") as out:
-                    shutil.copyfileobj(source, out)
+                with archive.open(member) as source:
+                    limits.unpack(source, target, limits.UNPACKED)
                 yield target
-    except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, ValueError) as error:
         raise RecordingError(f"{path}: cannot be unpacked: {shortened(error)}") from error

@@ -22,7 +22,13 @@ class Ros1(bytes):
     __slots__ = ()
 
 
-Row = tuple[float, str, bytes | Array]  # Unix time of receipt, topic, message
+class Undecodable(str):
+    """In place of a message of a text: where it is, and why it cannot be decoded."""
+
+    __slots__ = ()
+
+
+Row = tuple[float, str, bytes | Array | Undecodable]  # Unix time of receipt, topic, message
 
 
 class Format(Protocol):

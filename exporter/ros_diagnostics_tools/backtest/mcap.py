@@ -8,12 +8,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from heapq import heappop, heappush
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
@@ -24,6 +26,7 @@ from mcap.summary import Summary
 from zstandard import ZstdError
 
 from ros_diagnostics_exporter import zstd
+from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import (
     ROS1_TYPE,
     TYPE,
@@ -200,7 +203,8 @@ class McapFile:
         if at == self._cut:
             return _first_records(chunk)
         try:
-            return list(breakup_chunk(chunk, validate_crc=True))
+            plain_chunk = replace(chunk, compression="", data=_content(chunk))
+            return list(breakup_chunk(plain_chunk, validate_crc=True))
         except _DAMAGE as error:
             raise DamageError(f"the chunk at byte {at}: {shortened(error)}") from error
 
@@ -251,13 +255,39 @@ class McapFile:
         self._file.close()
 
 
+def _content(chunk: Chunk) -> bytes:
+    """What is in a whole chunk. The library would unpack any size, and read zeros as records.
+
+    Raises:
+        One of _DAMAGE: it is not what was written, or more than is read.
+    """
+    size = chunk.uncompressed_size
+    limits.check(size, limits.CHUNK)
+    content = chunk.data
+    if chunk.compression == "zstd":
+        content = limits.unzstd(chunk.data, size)
+    elif chunk.compression == "lz4":
+        content = LZ4FrameDecompressor().decompress(chunk.data, size + 1)
+    elif chunk.compression:
+        raise ValueError(f"is compressed with {chunk.compression!r}, which is not known")
+    if len(content) != size:
+        raise ValueError("its content is not what was written")
+    at = 0
+    while at < size:
+        kind, length = struct.unpack_from("<BQ", content, at)
+        if kind not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            raise ValueError("a record in it is damaged")
+        at += HEADER + length
+    return content
+
+
 def _first_records(chunk: Chunk) -> list[McapRecord]:
     """The records of a chunk that is cut off, as far as they are there."""
     content = chunk.data if not chunk.compression else b""
     records: list[McapRecord] = []
     with suppress(*_DAMAGE):  # where it is cut off
         if chunk.compression == "zstd":
-            content = zstd.ZstdDecompressor().decompress(chunk.data)
+            content = limits.unzstd(chunk.data, limits.CHUNK, is_cut=True)
         records.extend(StreamReader(BytesIO(content), skip_magic=True).records)
     return records
 

@@ -20,7 +20,13 @@ from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import ros1
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
 from ros_diagnostics_tools.backtest.files import open_files
-from ros_diagnostics_tools.backtest.formats import TYPE, Format, RecordingError, Ros1
+from ros_diagnostics_tools.backtest.formats import (
+    TYPE,
+    Format,
+    RecordingError,
+    Ros1,
+    Undecodable,
+)
 
 OTHERS = 5  # topics of other types that are named
 PAUSE = 1.0  # seconds between two recordings from which on nobody was recording
@@ -31,10 +37,12 @@ class Message(NamedTuple):
 
     at: float
     topic: Topic
-    content: bytes | Array
+    content: bytes | Array | Undecodable
 
     def decode(self) -> Array:
-        """The array. Raises ValueError where the bytes are none."""
+        """The array. Raises ValueError where the content is none."""
+        if isinstance(self.content, Undecodable):
+            raise ValueError(str(self.content))  # noqa: TRY004 - as of the others
         if isinstance(self.content, Array):
             return self.content
         if isinstance(self.content, Ros1):

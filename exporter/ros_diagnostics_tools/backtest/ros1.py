@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from bz2 import BZ2Decompressor
+from bz2 import decompress as bz2_decompress
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.model import Array, Status
+from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Ros1, Row, shortened
 
 _number = struct.Struct("<I").unpack_from
@@ -72,6 +76,7 @@ class Ros1Bag:
         try:
             self._reader = Reader(path)
             self._reader.open()
+            _limit(self._reader.chunks)
         except Exception as error:  # a damaged file makes the library raise anything
             raise RecordingError(
                 f"{path}: cannot be read as a bag: {shortened(error)}; one that was not closed is "
@@ -101,3 +106,24 @@ class Ros1Bag:
     def close(self) -> None:
         """Close the file."""
         self._reader.close()
+
+
+def _limit(chunks: dict[int, Any]) -> None:
+    """Let the library unpack no more of a chunk than is read of any."""
+    from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - comes with the extra
+    from lz4.frame import decompress as lz4_decompress  # noqa: PLC0415
+
+    limited = {bz2_decompress: BZ2Decompressor, lz4_decompress: LZ4FrameDecompressor}
+    for at, chunk in chunks.items():
+        if maker := limited.get(chunk.decompressor):
+            chunks[at] = chunk._replace(decompressor=_limited(maker))
+
+
+def _limited(maker: Callable[[], Any]) -> Callable[[bytes], bytes]:
+    def decompress(data: bytes) -> bytes:
+        content: bytes = maker().decompress(data, max_length=limits.CHUNK + 1)
+        if len(content) > limits.CHUNK:
+            raise limits.LimitError(f"a chunk unpacks to more than {limits.size(limits.CHUNK)}")
+        return content
+
+    return decompress

@@ -9,8 +9,13 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ros_diagnostics_exporter import zstd
+from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Row, shortened
 
+_NEEDED = {
+    *(("topics", name) for name in ("id", "name", "type", "serialization_format")),
+    *(("messages", name) for name in ("id", "topic_id", "timestamp", "data")),
+}
 _ROWS = "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN (%s)"
 
 
@@ -39,6 +44,8 @@ class SqliteBag:
             stack.pop_all()  # it can be read, and stays open
 
     def _read_topics(self) -> None:
+        if not limits.held_columns(self._file) >= _NEEDED:
+            raise sqlite3.DatabaseError("it has no tables topics and messages")
         self._names: dict[int, str] = {}
         self.others: dict[str, str] = {}
         found = self._file.execute("SELECT id, name, type, serialization_format FROM topics")
@@ -104,6 +111,6 @@ def plain(data: bytes) -> bytes:
     if not data.startswith(zstd.MAGIC):
         return data
     try:
-        return zstd.decompress(data)
-    except zstd.ZstdError:
+        return limits.unzstd(data, limits.MESSAGE)
+    except (zstd.ZstdError, limits.LimitError):
         return data  # counted as undecodable

@@ -157,9 +157,9 @@ def command(**given: Any) -> None:
     """Judge recorded diagnostics as the exporter would have, and print what it would have notified.
 
     BAG is a recording of diagnostic_msgs/DiagnosticArray: a rosbag2 folder, .mcap, .db3, .bag of
-    ROS 1, .json, or a .zip of them; or an exporter's database (a copy: its file --storage.path), of
-    which levels and silences are judged. Several are merged by time; what lies between them
-    counts as a stopped exporter.
+    ROS 1, or a .zip of them; messages as text: JSON, rosbridge's, the output of `ros2 topic echo`;
+    or an exporter's database (a copy: its file --storage.path), of which levels and silences are
+    judged. Several are merged by time; what lies between them counts as a stopped exporter.
     """
     options = BacktestOptions(**given)
     if options.output == "csv" and (options.compare or options.suggest):

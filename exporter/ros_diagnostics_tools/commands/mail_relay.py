@@ -6,6 +6,7 @@ import logging
 import re
 import signal
 import threading
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,11 @@ Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
     help="The mail server.",
 )
 @click.option("--starttls", is_flag=True, help="Encrypt the connection to the mail server.")
+@click.option(
+    "--smarthost-ca-file",
+    type=click.Path(path_type=Path),
+    help="CA of the mail server's certificate.  [default: this machine's]",
+)
 @click.option("--smarthost-user", metavar="NAME", help="Log in at the mail server.")
 @click.option(
     "--smarthost-password-file",
@@ -82,23 +88,28 @@ def command(servers: Servers, **given: Any) -> None:
     sent and forwarded to.
     """
     try:
-        from aiosmtpd.controller import Controller  # noqa: PLC0415 - an extra
+        import_module("aiosmtpd.controller")  # an extra
     except ImportError as error:
         raise NotDoneError(f"mail-relay needs aiosmtpd: {install_command('mail')}") from error
+    from ros_diagnostics_tools.mail_server import Server  # noqa: PLC0415 - needs it
+
     user, password_file = given["smarthost_user"], given["smarthost_password_file"]
     if (user is None) != (password_file is None):
         raise click.UsageError("--smarthost-user and --smarthost-password-file need each other")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     host, port = given["smarthost"]
-    smarthost = Smarthost(host, port, given["starttls"], user, password_file)
+    ca_file = given["smarthost_ca_file"]
+    smarthost = Smarthost(host, port, given["starttls"], user, password_file, ca_file)
+    if user is not None and not smarthost.hides_password:
+        raise click.UsageError(f"a login at {host} needs --starttls: else the password is readable")
     most = given["attach_below"]
     relay = Relay(smarthost, from_exporter(servers.exporter, most), most)
     host, port = given["listen"]
-    controller = Controller(relay, hostname=host, port=port, ready_timeout=30)
+    server = Server(relay, host, port)
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    controller.start()
+    server.start()
     logging.getLogger(__name__).info("listening on %s:%d", host, port)
     stop.wait()
-    controller.stop()
+    server.stop()

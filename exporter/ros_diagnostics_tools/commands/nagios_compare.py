@@ -144,6 +144,11 @@ def _compare(
         print_json(content)
     else:
         _print(found, since, until, notes)
+    if found.empty and others and not _within(compared, since, until):
+        raise log.LogError(
+            "nothing was compared: no host that Nagios notified of is a robot here; is it the "
+            "exporter of these robots?"
+        )
     return 0 if found.agree else NO
 
 

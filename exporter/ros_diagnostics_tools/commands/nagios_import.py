@@ -14,9 +14,16 @@ import click
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import name, time_zone
-from ros_diagnostics_tools.errors import NotDoneError
-from ros_diagnostics_tools.nagios.importer.convert import REPORT, Converted, ImportOptions, convert
+from ros_diagnostics_tools.errors import NO, NotDoneError
+from ros_diagnostics_tools.nagios.importer.convert import (
+    REPORT,
+    TITLES,
+    Converted,
+    ImportOptions,
+    convert,
+)
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.terminal import print_json, with_output
 
 
@@ -55,6 +62,12 @@ Example:
     metavar="DIR",
     help="The folder to write to.",
 )
+@click.option(
+    "--into",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="An alertmanager.yml: write it with the routes in it, in place of the routes alone.",
+)
 @click.option("--force", is_flag=True, help="Overwrite the files that are there.")
 @click.option(
     "--fleet", callback=_fleet, default="nagios", show_default=True, help="The fleet's name."
@@ -77,32 +90,35 @@ def command(
     *,
     files: tuple[Path, ...],
     folder: Path,
+    into: Path | None,
     fleet: str,
     plugin: tuple[str, ...],
     time_zone: str | None,
     output: str,
     force: bool,
-) -> None:
+) -> int:
     """Translate Nagios' object files to fleet.yml and routes for Alertmanager.
 
     FILE is nagios.cfg, an object file, or a folder of object files. A robot is a host with a
     service whose plug-in has ros, robot or diagnostics in its file name; --plugin names another.
+    Exit code 1 where report.txt names something of which nobody is notified any more.
     """
     try:
-        converted = convert(list(files), ImportOptions(fleet, plugin, time_zone))
+        converted = convert(list(files), ImportOptions(fleet, plugin, time_zone, into))
     except NagiosError as error:
         raise NotDoneError(str(error)) from error
     _write(converted, folder, force=force)
-    lost = len(converted.ledger.lost_rows)
+    lost = {part: len(converted.ledger.lost_in(part)) for part in Effect}
     if output == "json":
-        print_json(
-            {"robots": converted.robots, "files": [*converted.texts], "not_translated": lost}
-        )
+        counts = {part.name.lower(): count for part, count in lost.items()}
+        found = {"robots": converted.robots, "files": [*converted.texts]}
+        print_json({**found, "not_translated": sum(lost.values()), **counts})
     else:
+        counted = ", ".join(f"{lost[part]} {title.lower()}" for part, title in TITLES.items())
         print(  # noqa: T201
             f"{converted.robots} robot{'' if converted.robots == 1 else 's'}; "
             f"{', '.join(converted.texts)} written to {folder}/; "
-            f"{lost} lines have no full equivalent: see {REPORT}"
+            f"lines without a full equivalent: {counted}: see {REPORT}"
         )
     if not converted.robots:
         commands = ", ".join(converted.commands) or "none"
@@ -111,6 +127,7 @@ def command(
             f"its command or its file (commands of services: {commands})",
             file=sys.stderr,
         )
+    return NO if lost[Effect.NO_LONGER] else 0
 
 
 def _write(converted: Converted, folder: Path, *, force: bool) -> None:
@@ -122,4 +139,5 @@ def _write(converted: Converted, folder: Path, *, force: bool) -> None:
         )
     folder.mkdir(parents=True, exist_ok=True)
     for each, text in converted.texts.items():
+        (folder / each).parent.mkdir(exist_ok=True)
         (folder / each).write_text(text, encoding="utf-8")

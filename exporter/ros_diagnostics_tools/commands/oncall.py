@@ -6,7 +6,7 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -17,13 +17,14 @@ import yaml
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.errors import ConfigError, Finding, quoted, suggestion
+from ros_diagnostics_exporter.config.scalars import DAYS
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_tools.errors import NO, UnusableError
-from ros_diagnostics_tools.oncall.build import build, built_until
+from ros_diagnostics_tools.oncall.build import build, built_until, check
 from ros_diagnostics_tools.oncall.calendar import NoCalendarError, calendar
-from ros_diagnostics_tools.oncall.file import OnCall, load
-from ros_diagnostics_tools.oncall.rota import instant
+from ros_diagnostics_tools.oncall.file import Level, OnCall, load
+from ros_diagnostics_tools.oncall.rota import Duty, instant
 from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration, moment
 
@@ -132,6 +133,7 @@ def _build(
             _digest(config, rota.file),
         ]
     )
+    _print_warnings(map(str, check(oncall, config)))
     built = build(oncall, oncall.duties(rota.now, until), config, until, header)
     _write(to, built, config.stat().st_mode)
     if rules:
@@ -150,10 +152,16 @@ def _build(
 @with_output()
 @_with_rota
 def _check(rota: Rota, config: Path, built: Path | None, warn_before: float, output: str) -> int:
-    """Check oncall.yml, and what was built; exit code 1 where that ends soon or is out of date."""
+    """Check oncall.yml with Alertmanager's configuration, and what was built.
+
+    Exit code 1 where a receiver gets less than before, or what was built ends soon or is out of
+    date. Where people share days, it prints who gets which.
+    """
     oncall = rota.oncall
-    oncall.duties(rota.now, rota.now + rota.ahead)
-    lines, warnings = [f"{rota.file}: valid until {oncall.local(rota.now + rota.ahead)}"], []
+    duties = oncall.duties(rota.now, rota.now + rota.ahead)
+    warnings = [str(each) for each in check(oncall, config)]
+    lines = [f"{rota.file}: valid until {oncall.local(rota.now + rota.ahead)}"]
+    lines += [line for level in duties for line in _days(rota, level, duties[level])]
     if built is not None:
         content = read_regular(built, MOST_BYTES).decode("utf-8", "replace")
         until = built_until(content)
@@ -172,8 +180,24 @@ def _check(rota: Rota, config: Path, built: Path | None, warn_before: float, out
         print_json({"found": lines, "warnings": warnings})
     else:
         print(*lines, sep="\n")  # noqa: T201
-        print(*warnings, sep="\n", end="\n" if warnings else "", file=sys.stderr)  # noqa: T201
+        _print_warnings(warnings)
     return NO if warnings else 0
+
+
+def _print_warnings(warnings: Iterable[str]) -> None:
+    for each in warnings:
+        print(each, file=sys.stderr)  # noqa: T201
+
+
+def _days(rota: Rota, level: Level, duties: list[Duty]) -> Iterator[str]:
+    """Of how many Mondays and so on each person has a part, where several share hours of a week."""
+    if not any(shift.hours and len(shift.people) > 1 for shift in level.shifts):
+        return
+    yield f"days of {level.title} until then:"
+    for name in level.everybody():
+        found = rota.oncall.days(duties, name, rota.now)
+        days = [f"{day} {found[day]}" for day in DAYS if found[day]]
+        yield f"  {name}: {', '.join(days) or 'none'}"
 
 
 @command.command("who", epilog="Example: ros-diagnostics oncall who --at 14:30")

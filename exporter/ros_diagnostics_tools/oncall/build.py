@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import ConfigError, Finding, quoted
 from ros_diagnostics_tools.oncall.file import Level, OnCall, Person
 from ros_diagnostics_tools.oncall.rota import Duty
+from ros_diagnostics_tools.yaml_nodes import get, items, scalar
 
 _DAY = timedelta(days=1)
 _MINUTE = timedelta(minutes=1)
@@ -46,9 +47,7 @@ def build(oncall: OnCall, duties: Duties, base: Path, until: datetime, header: s
     Raises:
         ConfigError: the configuration cannot be read, or does not fit oncall.yml.
     """
-    site = _Configuration(base)
-    if problems := [*_misfits(oncall, site)]:
-        raise ConfigError(problems)
+    site = _fitting(oncall, base)
     horizon = _BUILT + until.isoformat()
     overlap = site.overlap({level.receiver for level in oncall.levels})
     for level in oncall.levels:
@@ -65,6 +64,23 @@ def build(oncall: OnCall, duties: Duties, base: Path, until: datetime, header: s
     site.add("time_intervals", _interval(horizon, begin, until))
     text: str = yaml.serialize(site.root, Dumper=yaml.BaseDumper, allow_unicode=True, width=10_000)
     return f"{header}\n{text}"
+
+
+def check(oncall: OnCall, base: Path) -> list[Finding]:
+    """What to be warned of where the two are built together.
+
+    Raises:
+        ConfigError: they cannot be; see `build`.
+    """
+    site = _fitting(oncall, base)
+    return [*site.taken_away({level.receiver for level in oncall.levels})]
+
+
+def _fitting(oncall: OnCall, base: Path) -> _Configuration:
+    site = _Configuration(base)
+    if problems := [*_misfits(oncall, site)]:
+        raise ConfigError(problems)
+    return site
 
 
 def built_until(content: str) -> datetime | None:
@@ -139,7 +155,7 @@ def _intervals(level: Level, duties: Sequence[Duty], overlap: timedelta) -> Iter
 
 def _interval(name: str, start: datetime, end: datetime) -> yaml.Node:
     found: yaml.Node = _node({"name": name, "time_intervals": hours(start, end)})
-    for piece in _items(_get(found, "time_intervals")):
+    for piece in items(get(found, "time_intervals")):
         piece.flow_style = True  # in one line
     return found
 
@@ -167,7 +183,7 @@ _RECORDS = "/api/v1/notifications"
 
 def _integrations(receiver: yaml.Node) -> _Pairs:
     """`email_configs` and so on, with their lists."""
-    return [(key, value) for key, value in receiver.value if _text(key) != "name"]
+    return [(key, value) for key, value in receiver.value if scalar(key) != "name"]
 
 
 def _addressed(like: _Pairs, people: Sequence[Person]) -> _Pairs:
@@ -179,10 +195,10 @@ def _addressed(like: _Pairs, people: Sequence[Person]) -> _Pairs:
     found: dict[str, yaml.SequenceNode] = {}
     recorded: set[str] = set()
     for key, configs in like:
-        kind = _text(key)
+        kind = scalar(key)
         into = found.setdefault(kind, _node([]))
         into.flow_style = False
-        for config in _items(configs):
+        for config in items(configs):
             url = _record_url(config)
             if not url or url not in recorded:
                 into.value += _copies(config, kind, people)
@@ -192,7 +208,7 @@ def _addressed(like: _Pairs, people: Sequence[Person]) -> _Pairs:
 
 def _record_url(config: yaml.Node) -> str:
     """The URL of a webhook that records notifications; "" for all other integrations."""
-    urls = (_text(value) for key, value in config.value if _text(key) == "url")
+    urls = (scalar(value) for key, value in config.value if scalar(key) == "url")
     return next((url for url in urls if url.endswith(_RECORDS)), "")
 
 
@@ -218,9 +234,9 @@ def _misfits(oncall: OnCall, site: _Configuration) -> Iterator[Finding]:
             (kind, configs)
             for name in like
             for kind, configs in _integrations(site.receivers[name])
-            if not all(map(_record_url, _items(configs)))
+            if not all(map(_record_url, items(configs)))
         ]
-        kinds = [_text(kind) for kind, _ in pairs]
+        kinds = [scalar(kind) for kind, _ in pairs]
         if like and not pairs:
             what = f"the receiver {' and '.join(like)} of {site.path.name} sends nothing"
             remedy = "name receivers to copy in like, such as like: [email]"
@@ -242,10 +258,20 @@ def _route_misfits(oncall: OnCall, level: Level, site: _Configuration) -> Iterat
         yield oncall.document.problem(place, what, remedy % level.receiver)
     for node, _ in routes:
         for key in ("routes", "active_time_intervals", "mute_time_intervals"):
-            if (own := _get(node, key)) is not None:
+            if (own := get(node, key)) is not None:
                 what = f"{quoted(key)} is not possible in the route to {quoted(level.receiver)}"
-                remedy = "remove it: hours are in oncall.yml"
+                remedy = (
+                    _BELOW
+                    if key == "routes" and items(own)
+                    else "remove it: hours are in oncall.yml"
+                )
                 yield Finding(site.path, own.start_mark.line + 1, "route", what, remedy)
+
+
+_BELOW = (
+    "add {matchers: [severity = critical], receiver: on-call, continue: true} as its first one, "
+    "and give the level receiver: on-call and the receivers to copy in like"
+)
 
 
 class _Configuration:
@@ -254,17 +280,40 @@ class _Configuration:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.root = _compose(path)
-        self.receivers = {_text(_get(r, "name")): r for r in _items(_get(self.root, "receivers"))}
+        self.receivers = {scalar(get(r, "name")): r for r in items(get(self.root, "receivers"))}
         # All routes but the root, each with the group_interval (seconds) that applies to it.
         try:
-            self._routes = [*_below(_get(self.root, "route"), _GROUP_INTERVAL)]
+            self._routes = [*_below(get(self.root, "route"), _GROUP_INTERVAL)]
         except ValueError as error:  # a group_interval
             what, remedy = str(error), "write it like 5s or 1m30s"
             raise ConfigError([Finding(path, None, "route", what, remedy)]) from None
 
     def routes_to(self, receiver: str) -> list[tuple[yaml.MappingNode, float]]:
         """The routes that name this receiver, with their group_interval in seconds."""
-        return [each for each in self._routes if _text(_get(each[0], "receiver")) == receiver]
+        return [each for each in self._routes if scalar(get(each[0], "receiver")) == receiver]
+
+    def taken_away(self, receivers: Container[str]) -> Iterator[Finding]:
+        """What no longer goes to the receiver of a route, because one below it matches first.
+
+        With `continue` it is meant to: Alertmanager goes on to the next routes, but not to the
+        receiver above them.
+        """
+        return self._taken_away(get(self.root, "route"), "", receivers)
+
+    def _taken_away(
+        self, route: yaml.Node, inherited: str, receivers: Container[str]
+    ) -> Iterator[Finding]:
+        above = scalar(get(route, "receiver")) or inherited
+        sends = bool(_integrations(self.receivers[above])) if above in self.receivers else False
+        below = items(get(route, "routes"))
+        for number, child in enumerate(below, 1):
+            receiver, goes_on = scalar(get(child, "receiver")), scalar(get(child, "continue"))
+            is_taken = receiver in receivers and goes_on == "true" and receiver != above
+            if is_taken and sends and not any(map(_takes_all, below[number:])):
+                what = f"alerts for {quoted(receiver)} no longer go to {quoted(above)}, above it"
+                remedy = f"add - receiver: {above} as the last of the routes below that"
+                yield Finding(self.path, child.start_mark.line + 1, "route", what, remedy)
+            yield from self._taken_away(child, above, receivers)
 
     def overlap(self, receivers: Iterable[str]) -> timedelta:
         """How long a person is notified beyond the end of a duty: whole minutes.
@@ -279,11 +328,17 @@ class _Configuration:
 
     def add(self, key: str, *entries: yaml.Node) -> None:
         """Append entries to a list at the top of the configuration."""
-        if _get(self.root, key) is None:
+        if get(self.root, key) is None:
             self.root.value.append((_node(key), _node([])))
-        found = _get(self.root, key)
+        found = get(self.root, key)
         found.flow_style = False
         found.value += entries
+
+
+def _takes_all(route: yaml.Node) -> bool:
+    return not any(items(get(route, "matchers"))) and not any(
+        get(route, key) for key in ("match", "match_re")
+    )
 
 
 def _compose(path: Path) -> yaml.Node:
@@ -296,41 +351,27 @@ def _compose(path: Path) -> yaml.Node:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         what = f"is not valid YAML ({error})"
         raise ConfigError([Finding(path, None, "", what, remedy)]) from None
-    if not isinstance(node, yaml.MappingNode) or _get(node, "route") is None:
+    if not isinstance(node, yaml.MappingNode) or get(node, "route") is None:
         raise ConfigError([Finding(path, None, "", "has no route", remedy)])
     return node
 
 
 def _below(route: yaml.Node, inherited: float) -> Iterator[tuple[yaml.MappingNode, float]]:
     """All routes below this one, with their group_interval."""
-    own = _text(_get(route, "group_interval"))
+    own = scalar(get(route, "group_interval"))
     interval = durations.parse(own) if own else inherited
-    for child in _items(_get(route, "routes")):
+    for child in items(get(route, "routes")):
         if not isinstance(child, yaml.MappingNode):
             continue
-        child_own = _text(_get(child, "group_interval"))
+        child_own = scalar(get(child, "group_interval"))
         yield child, durations.parse(child_own) if child_own else interval
         yield from _below(child, interval)
-
-
-def _get(node: yaml.Node | None, key: str) -> Any:
-    """The value of a key of a mapping; None without it."""
-    pairs = node.value if isinstance(node, yaml.MappingNode) else []
-    return next((value for name, value in pairs if _text(name) == key), None)
-
-
-def _items(node: yaml.Node | None) -> list[Any]:
-    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
-
-
-def _text(node: yaml.Node | None) -> str:
-    return str(node.value) if isinstance(node, yaml.ScalarNode) else ""
 
 
 def _with(mapping: yaml.Node, key: str, value: str) -> yaml.Node:
     """A copy of a mapping with another value."""
     found = copy.deepcopy(mapping)  # nodes that are shared would get an anchor each
-    found.value = [pair for pair in found.value if _text(pair[0]) != key]
+    found.value = [pair for pair in found.value if scalar(pair[0]) != key]
     found.value.insert(0, (_node(key), _node(value)))
     return found
 

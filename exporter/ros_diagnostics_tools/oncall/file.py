@@ -6,9 +6,10 @@ It is read and checked as fleet.yml is: every problem with its line, key, value 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from datetime import datetime, timedelta, timezone
+from datetime import date, datetime, timedelta, timezone
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -24,7 +25,14 @@ from ros_diagnostics_exporter.config.errors import (
     quoted,
     suggestion,
 )
-from ros_diagnostics_exporter.config.scalars import Moment, Name, TimeZone, WeeklyTime, text
+from ros_diagnostics_exporter.config.scalars import (
+    DAYS,
+    Moment,
+    Name,
+    TimeZone,
+    WeeklyTime,
+    text,
+)
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 from ros_diagnostics_tools.oncall.rota import Duty, Override, Shift, Stretch, instant, stretches
 
@@ -226,11 +234,22 @@ class OnCall:
             remedy = "leave one of them" if people else "add a shift, hours or an override"
             yield self.document.problem(level.place, what, remedy)
 
+    def days(self, duties: Iterable[Duty], person: str, begin: datetime) -> Counter[str]:
+        """On how many Mondays, Tuesdays and so on a person is on call, from ``begin`` on."""
+        dates: set[date] = set()
+        for duty in duties:
+            if duty.person == person:
+                both = max(duty.start, begin), duty.end - _TICK
+                first, last = (at.astimezone(self.zone).toordinal() for at in both)
+                dates.update(map(date.fromordinal, range(first, last + 1)))
+        return Counter(DAYS[each.weekday()] for each in dates)
+
     def local(self, when: datetime) -> str:
         """A time for people, in the file's time zone."""
         return f"{when.astimezone(self.zone):%Y-%m-%d %a %H:%M %Z}"
 
 
+_TICK = timedelta(microseconds=1)
 _SHOWN = 3  # gaps and overlaps of a level: most come back every week
 
 

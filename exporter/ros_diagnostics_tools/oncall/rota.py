@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta, timezone
+from functools import lru_cache
 from itertools import pairwise
 from zoneinfo import ZoneInfo
 
@@ -18,6 +19,7 @@ from ros_diagnostics_exporter.weekly import Weekly
 
 _MINUTE = timedelta(minutes=1)
 _DAY = timedelta(days=1)
+_WEEK = timedelta(weeks=1)
 
 
 @dataclass(frozen=True)
@@ -139,8 +141,36 @@ def _duties(shift: Shift, end: datetime) -> Iterator[Duty]:
             start = instant(max(turn, opening), shift.zone)
             stop = instant(min(turn + shift.turn, closing), shift.zone)
             if start < min(stop, end):  # else the clocks skip it
-                yield Duty(start, min(stop, end), shift.people[number % len(shift.people)])
+                yield Duty(start, min(stop, end), _whose(shift, number))
             number += 1
+
+
+def _whose(shift: Shift, number: int) -> str:
+    """Who has a turn. Days without hours are nobody's turn: else the same people had all Mondays.
+
+    (With three people and Monday to Friday, Friday's would be Monday's, each week.)
+    """
+    if shift.turn == _DAY:
+        weeks, day = divmod(number, 7)
+        with_hours = _days_with_hours(shift)
+        number = weeks * sum(with_hours) + sum(with_hours[:day])
+    return shift.people[number % len(shift.people)]
+
+
+@lru_cache(maxsize=256)
+def _days_with_hours(shift: Shift) -> tuple[bool, ...]:
+    """Of seven turns of a day, the first at `since`, whether the shift has hours in them."""
+    monday = datetime.combine(shift.since, time()) - shift.since.weekday() * _DAY
+    hours = [
+        (monday + day * _DAY + first * _MINUTE + week, monday + day * _DAY + last * _MINUTE + week)
+        for day, first, last in shift.hours
+        for week in (-_WEEK, timedelta(), _WEEK)
+    ]
+    turns = [shift.since + day * _DAY for day in range(7)]
+    return tuple(
+        not hours or any(first < turn + _DAY and turn < last for first, last in hours)
+        for turn in turns
+    )
 
 
 def _open(shift: Shift, last: datetime) -> Iterator[tuple[datetime, datetime]]:

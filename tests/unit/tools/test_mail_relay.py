@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import logging
 import smtplib
-from contextlib import contextmanager
+import ssl
+from contextlib import ExitStack, closing, contextmanager
 from email import message_from_bytes, policy
 from email.message import EmailMessage
 
 import click
 import pytest
+import trustme
 from aiosmtpd.controller import Controller
+from aiosmtpd.smtp import AuthResult
 
 from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_tools import mail_server
 from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.commands.mail_relay import Size
 from ros_diagnostics_tools.mail_relay import FAULTS, Relay, Smarthost, attached, from_exporter
+from ros_diagnostics_tools.mail_server import Server
 from ros_diagnostics_tools.main import main
+from testbed.polling import until
 
 FIRST, SECOND = "0123456789ab", "ba9876543210"
 CAPSULES = {FIRST: b"\x89MCAP0\r\n" + bytes(range(256)) * 40, SECOND: b"\x89MCAP0\r\nsecond"}
@@ -47,6 +54,16 @@ class MailServer:
     def __init__(self) -> None:
         self.mails: list[tuple[str, list[str], bytes]] = []
         self.rejects: dict[str, str] = {}
+        self.connections = self.ended = 0
+
+    async def handle_EHLO(self, _server, session, _envelope, name, answers):  # noqa: N802
+        session.host_name = name
+        self.connections += 1
+        return answers
+
+    async def handle_QUIT(self, _server, _session, _envelope) -> str:  # noqa: N802
+        self.ended += 1
+        return "221 Bye"
 
     async def handle_RCPT(self, _server, _session, envelope, address, _options) -> str:  # noqa: N802
         if "rcpt" not in self.rejects:
@@ -60,9 +77,9 @@ class MailServer:
 
 
 @contextmanager
-def listening(handler, port: int):
+def listening(handler, port: int, **more):
     """A client of ``handler`` at this port."""
-    controller = Controller(handler, hostname="127.0.0.1", port=port, ready_timeout=60)
+    controller = Controller(handler, hostname="127.0.0.1", port=port, ready_timeout=60, **more)
     controller.start()
     try:
         yield lambda: smtplib.SMTP("127.0.0.1", port, timeout=60)
@@ -166,9 +183,151 @@ def test_a_mail_server_that_does_not_answer_is_tried_again_by_alertmanager(free_
     assert b"refused" in text
 
 
+@pytest.fixture
+def authority(tmp_path):
+    """An authority's file, and a function (name): a server's side of its certificate."""
+    made = trustme.CA()
+    made.cert_pem.write_to_path(tmp_path / "ca.pem")
+
+    def context(name: str) -> ssl.SSLContext:
+        found = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+        made.issue_cert(name).configure_cert(found)
+        return found
+
+    return tmp_path / "ca.pem", context
+
+
+@pytest.mark.parametrize(
+    ("name", "trusts", "said"),
+    [
+        ("localhost", True, ""),
+        ("localhost", False, "certificate verify failed"),
+        ("mail.example.org", True, "certificate verify failed"),
+    ],
+    ids=["the right one", "another authority", "another name"],
+)
+def test_only_the_mail_server_of_the_certificate_gets_password_and_mail(
+    free_port, authority, name, trusts, said
+):
+    ca_file, context = authority
+    password = ca_file.with_name("password")
+    password.write_text("geheim\n")
+    logins: list[bytes] = []
+
+    def authenticate(_server, _session, _envelope, _mechanism, data) -> AuthResult:
+        logins.append(data.password)
+        return AuthResult(success=True)
+
+    made = MailServer()
+    tls = {"tls_context": context(name), "authenticator": authenticate}
+    port = free_port()
+    with listening(made, port, **tls):
+        trusted = ca_file if trusts else None
+        smarthost = Smarthost("localhost", port, True, "fleet", password, trusted)
+        relay = Relay(smarthost, CAPSULES.get, LIMIT)
+        with listening(relay, free_port()) as connect, connect() as smtp:
+            smtp.ehlo()
+            smtp.mail("robots@example.org")
+            code, text = smtp.rcpt("ann@example.org")
+
+    assert (code, said in text.decode()) == (451 if said else 250, True)
+    assert logins == ([] if said else [b"geheim"])
+
+
+def test_a_mail_has_one_connection_to_the_mail_server_for_all_recipients(server, send):
+    send(mail())
+    assert (len(server.mails), server.connections) == (1, 1)
+
+
+def test_a_mail_that_is_given_up_leaves_no_connection(free_port, server):
+    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    with serving(relay, free_port()) as connect:
+        for _ in range(2):
+            smtp = connect()
+            smtp.ehlo()
+            smtp.mail("robots@example.org")
+            smtp.rcpt("ann@example.org")
+            smtp.close()
+        until(lambda: server.ended == 2, "the end of both connections")
+
+
+@contextmanager
+def serving(relay, port):
+    """A client of the relay as the command starts it."""
+    made = Server(relay, "127.0.0.1", port)
+    made.start()
+    try:
+        yield lambda: smtplib.SMTP("127.0.0.1", port, timeout=60)
+    finally:
+        made.stop(no_assert=True)
+
+
+def test_a_mail_of_more_than_two_megabytes_is_rejected(free_port, server):
+    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    with serving(relay, free_port()) as connect, connect() as smtp:
+        for size, code in ((1_900_000, 250), (2_100_000, 552)):
+            smtp.ehlo()
+            smtp.mail("robots@example.org")
+            smtp.rcpt("ann@example.org")
+            smtp.putcmd("data")
+            smtp.getreply()
+            smtp.send(b"x" * 70 + b"\r\n" + (b"y" * 70 + b"\r\n") * (size // 72) + b".\r\n")
+            assert smtp.getreply()[0] == code
+            smtp.rset()
+    assert len(server.mails) == 1
+
+
+def test_idle_connections_lock_nobody_out(free_port, server):
+    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    with serving(relay, free_port()) as connect, ExitStack() as stack:
+        idle = [stack.enter_context(closing(connect())) for _ in range(mail_server.CONNECTIONS + 9)]
+        with connect() as smtp:
+            smtp.sendmail("robots@example.org", ["ann@example.org"], mail())
+        with pytest.raises(smtplib.SMTPServerDisconnected):
+            idle[0].ehlo()
+        idle[-1].ehlo()
+    assert len(server.mails) == 1
+
+
+@pytest.mark.parametrize("limit", ["IDLE", "LIFETIME"])
+def test_a_connection_ends_in_time(free_port, server, monkeypatch, limit):
+    monkeypatch.setattr(mail_server, limit, 0.5)
+    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    with serving(relay, free_port()) as connect, closing(connect()) as smtp:
+        assert smtp.sock.recv(100) == b""
+
+
+def test_what_clients_write_is_not_logged(free_port, server, caplog):
+    caplog.set_level(logging.INFO)
+    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    with serving(relay, free_port()) as connect, connect() as smtp:
+        smtp.sendmail("robots@example.org", ["ann@example.org"], mail())
+    names = [each.name for each in caplog.records if each.name.startswith("mail.")]
+    assert (names, "mail forwarded" in caplog.text) == ([], True)
+
+
+@pytest.mark.parametrize(
+    ("host", "starttls", "hidden"),
+    [
+        ("localhost", False, True),
+        ("127.0.0.2", False, True),
+        ("::1", False, True),
+        ("mail.example.org", False, False),
+        ("10.0.0.1", False, False),
+        ("mail.example.org", True, True),
+    ],
+)
+def test_a_login_in_clear_is_for_this_machine_only(host, starttls, hidden):
+    assert Smarthost(host, 25, starttls).hides_password is hidden
+
+
+LOGIN = ["--smarthost-user", "ann", "--smarthost-password-file", "password"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ([*LOGIN, "--smarthost", "mail.example.org:25"], "needs --starttls"),
         (["--attach-below", "1 TB"], "not a size such as 100kB"),
         (["--listen", "2525"], "not an address such as localhost:25"),
         (["--smarthost-user", "ann"], "need each other"),

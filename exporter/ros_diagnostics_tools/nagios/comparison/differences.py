@@ -37,6 +37,11 @@ class Differences:
         """Whether there is none."""
         return not (self.late or self.only_in_nagios or self.only_here)
 
+    @property
+    def empty(self) -> bool:
+        """Whether neither side notified anything."""
+        return self.agree and not (self.pairs or self.explained)
+
     def between(self, since: float, until: float) -> Differences:
         """What at least one side notified in that time; the other may have just before or after."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ros_diagnostics_tools.nagios.importer.files import Directive
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 
 _PAGE = "a text for Nagios' pages: not shown here"
 _LINK = "links stand in alertmanager/templates/site.tmpl, for all alerts"
@@ -54,8 +55,7 @@ ADVICE = {
     "can_submit_commands": _RIGHTS,
     "servicegroups": "add a check to the profile whose words match the group's components",
     "parents": "services have no parents: what depends is a servicedependency, an inhibit rule",
-    "check_command": "not a ROS check: pings and ports are blackbox_exporter's, disks and "
-    "processes node_exporter's (docs/queries.md, computers)",
+    "check_command": "not a ROS check, and nobody is notified of it",
     "inherits_parent": "inhibition is one level: write a rule for each pair",
     "execution_failure_criteria": _EXECUTE,
     "dependency_period": "an inhibit rule always holds",
@@ -118,6 +118,23 @@ TRANSLATED = frozenset(
     }
 )
 SECRET = ("pass", "secret", "token", "key", "community", "user", "pw")
+
+
+# Of these, notifications depend; of what else has no equivalent, none does.
+OTHERWISE = frozenset(
+    {
+        *("low_flap_threshold", "high_flap_threshold", "flap_detection_enabled", "is_volatile"),
+        *("low_host_flap_threshold", "high_host_flap_threshold", "enable_flap_detection"),
+        *("notification_interval", "dependency_period", "last_notification", "inherits_parent"),
+        *("escalation_options", "enable_notifications", "servicegroup_name", "event_handler"),
+        "dependent_servicegroup_name",
+    }
+)
+
+
+def effect(directive: Directive) -> Effect:
+    """What a directive that nothing here translates means to those who are notified."""
+    return Effect.OTHERWISE if directive.key in OTHERWISE else Effect.INFORMATION
 
 
 def advice(directive: Directive) -> str:

@@ -9,23 +9,41 @@ import yaml
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import time_zone
-from ros_diagnostics_tools.nagios.importer import advice, files, inhibition, robots, rotas, routes
+from ros_diagnostics_tools.nagios.importer import (
+    advice,
+    computers,
+    files,
+    inhibition,
+    robots,
+    rotas,
+    routes,
+)
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
-from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
+from ros_diagnostics_tools.nagios.importer.ledger import Effect, ImportLedger
+from ros_diagnostics_tools.nagios.importer.merge import merged
 from ros_diagnostics_tools.nagios.importer.site import Site
 
-FLEET, ROUTES, ONCALL, REPORT = (
-    *("fleet.yml", "alertmanager-routes.yml"),
+FLEET, QUERIES, ROUTES, ONCALL, REPORT = (
+    *("fleet.yml", "queries.d/hosts.yml", "alertmanager-routes.yml"),
     *("oncall.yml", "report.txt"),
 )
+MERGED = "alertmanager.yml"  # in place of ROUTES
 MADE = "Made by ros-diagnostics nagios import"
 HEADERS = {
     FLEET: f"{MADE}. Namespaces are made of names: compare with `ros2 topic list`.",
+    QUERIES: f"{MADE}. The jobs are those at the end of prometheus/prometheus.yml.",
     ROUTES: f"{MADE}: put each list before what the list of the same name in\n"
     "# alertmanager.yml has (routes: those below route).",
     ONCALL: f"{MADE}: contacts that relieve one another. Until it is built into\n"
     "# alertmanager.yml, all of them receive what their receiver is sent.",
+}
+
+
+TITLES = {
+    Effect.NO_LONGER: "No longer notified",
+    Effect.OTHERWISE: "Notified otherwise",
+    Effect.INFORMATION: "For your information",
 }
 
 
@@ -35,6 +53,7 @@ class ImportOptions(NamedTuple):
     fleet: str
     plugins: tuple[str, ...] = ()
     time_zone: str | None = None  # None: use_timezone of nagios.cfg, else UTC
+    into: Path | None = None  # the alertmanager.yml that is merged with the routes
 
 
 class Converted(NamedTuple):
@@ -64,15 +83,21 @@ def convert(paths: list[Path], options: ImportOptions) -> Converted:
     routing = routes.routing(site, its_robots, zone)
     oncall = rotas.content(site, routing.rotas, zone)
     rules = inhibition.rules(site, its_robots)
+    uplinks = [each["name"] for each in fleet["robots"] if each.get("source") == "queries"]
+    asked = computers.queries(site, its_robots, uplinks)
     _account_for_commands(site, its_robots)
     _account_for_rest(found, templates, ledger)
     contents: dict[str, Any] = {
         FLEET: fleet,
+        **({QUERIES: asked} if asked else {}),
         ROUTES: routing.content(rules),
         **({ONCALL: oncall} if oncall else {}),
     }
     texts = {name: _yaml(name, content) for name, content in contents.items()}
     commands = {each.thing.get("check_command").partition("!")[0] for each in site.services}
+    if options.into is not None:
+        del texts[ROUTES]
+        texts[MERGED] = merged(options.into, routing.content(rules), _dumped)
     texts[REPORT] = report(ledger)
     return Converted(texts, ledger, len(its_robots), tuple(sorted(commands)))
 
@@ -111,37 +136,39 @@ def _account_for_commands(site: Site, its_robots: list[robots.Robot]) -> None:
 def _account_for_rest(found: files.Read, templates: Templates, ledger: ImportLedger) -> None:
     """Report every line that nothing has translated or reported."""
     for setting in found.settings:
-        if setting.key in files.INCLUDES:
+        if setting in found.skipped:
+            ledger.lost((setting,), files.NOT_FOLLOWED)
+        elif setting.key in files.INCLUDES:
             ledger.translated((setting,), "read")
     for definition in found.definitions:
         for each in definition.directives:
             if not ledger.knows(each):
-                ledger.lost((each,), _why(definition, each, templates))
+                ledger.lost((each,), *_why(definition, each, templates))
     for each in found.settings:
         if not ledger.knows(each):
-            ledger.lost((each,), advice.advice(each))
+            ledger.lost((each,), advice.advice(each), advice.effect(each))
 
 
-def _why(definition: Definition, directive: Directive, templates: Templates) -> str:
+def _why(definition: Definition, directive: Directive, templates: Templates) -> tuple[str, Effect]:
     if not templates.is_used(definition):
-        return "no object inherits from this template"
+        return "no object inherits from this template", Effect.INFORMATION
     if directive not in templates.effective and directive.key not in NOT_INHERITED:
-        return "overridden: by a later line of the object, or by all objects that inherit it"
-    return advice.advice(directive)
+        why = "overridden: by a later line of the object, or by all objects that inherit it"
+        return why, Effect.INFORMATION
+    return advice.advice(directive), advice.effect(directive)
 
 
 def report(ledger: ImportLedger) -> str:
     """What became of each line: what has no equivalent and what to do, then where others went."""
-    lost = [f"{_line(each)}: {'; '.join(why)}" for each, why in ledger.lost_rows]
-    translated = [f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows]
-    parts = (
-        f"No equivalent, or only a part of it ({len(lost)}):",
-        *lost,
-        "",
-        f"Translated ({len(translated)}):",
-        *translated,
-    )
-    return "\n".join(parts) + "\n"
+    parts = {
+        title: [f"{_line(each)}: {'; '.join(why)}" for each, why in ledger.lost_in(part)]
+        for part, title in TITLES.items()
+    }
+    parts["Translated"] = [
+        f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows
+    ]
+    texts = ("\n".join((f"{title} ({len(lines)}):", *lines)) for title, lines in parts.items())
+    return "\n\n".join(texts) + "\n"
 
 
 def _line(each: Directive) -> str:
@@ -150,7 +177,11 @@ def _line(each: Directive) -> str:
 
 
 def _yaml(name: str, content: Any) -> str:
-    text = yaml.dump(
+    return f"# {HEADERS[name]}\n{_dumped(content)}"
+
+
+def _dumped(content: Any) -> str:
+    return yaml.dump(
         content,
         Dumper=_Dumper,
         sort_keys=False,
@@ -158,11 +189,18 @@ def _yaml(name: str, content: Any) -> str:
         allow_unicode=True,
         width=200,
     )
-    return f"# {HEADERS[name]}\n{text}"
 
 
 class _Dumper(yaml.SafeDumper):
     """Without anchors: what two receivers have in common is written twice."""
 
+    def represent_str(self, data: str) -> yaml.ScalarNode:
+        """A text of several lines as it is."""
+        style = "|" if "\n" in data else None
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
+
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - of the base class
         return True
+
+
+_Dumper.add_representer(str, _Dumper.represent_str)

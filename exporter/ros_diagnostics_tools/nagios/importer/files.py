@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from ros_diagnostics_tools import limits
+
 KINDS = frozenset(
     {
         *("host", "service", "hostgroup", "servicegroup", "command", "contact", "contactgroup"),
@@ -51,8 +53,11 @@ REFERENCE_ALIASES = {
 }
 GROUP_ALIASES = {"servicegroup": "servicegroup_name", "servicegroups": "servicegroup_name"}
 INCLUDES = frozenset({"cfg_file", "cfg_dir", "include_file", "include_dir", "resource_file"})
+NOT_FOLLOWED = "not followed: the folder that was given has the objects"
+MOST_BYTES = 16 * 2**20  # of one file
+MOST_FILES = 10_000
 
-_RANGES = re.compile(r"(.*?)\s*((?:\d+:\d+\s*-\s*\d+:\d+\s*,?\s*)+)")
+_HOURS = re.compile(r"\d+:\d+\s*-\s*\d+:\d+")
 
 
 class NagiosError(Exception):
@@ -92,10 +97,14 @@ class Definition:
 
 
 class Read(NamedTuple):
-    """What all files say: the objects, and the lines of main and resource files."""
+    """What all files say: the objects, and the lines of main and resource files.
+
+    ``skipped`` are those of the lines that name files which were not read.
+    """
 
     definitions: list[Definition]
     settings: list[Directive]
+    skipped: frozenset[Directive] = frozenset()
 
 
 def read(paths: list[Path]) -> Read:
@@ -107,14 +116,16 @@ def read(paths: list[Path]) -> Read:
     reader = _Reader()
     for path in paths:
         reader.read(path)
-    return Read(reader.definitions, reader.settings)
+    return Read(reader.definitions, reader.settings, frozenset(reader.skipped))
 
 
 class _Reader:
     def __init__(self) -> None:
         self.definitions: list[Definition] = []
         self.settings: list[Directive] = []
+        self.skipped: list[Directive] = []
         self._done: set[Path] = set()
+        self._folders: set[Path] = set()
 
     def read(self, path: Path) -> None:
         if path.is_dir():
@@ -125,28 +136,45 @@ class _Reader:
             self._objects(path)
 
     def _folder(self, path: Path) -> None:
+        """All files of objects in a folder; of a main file in it the settings, not the paths.
+
+        Those paths are of the machine that the folder comes from.
+        """
+        if path.resolve() in self._folders:
+            return
+        self._folders.add(path.resolve())
         for each in sorted(path.iterdir()):
             if each.is_dir():
                 self._folder(each)
             elif each.suffix == ".cfg" and not each.name.startswith("."):
-                self._objects(each)
+                if not _has_settings(each):
+                    self._objects(each)
+                elif _is_main(each):
+                    self._main(each, follow=False)
+                else:
+                    self._resources(each)
 
-    def _main(self, path: Path) -> None:
+    def _main(self, path: Path, *, follow: bool = True) -> None:
+        if not self._is_new(path):
+            return
         for line, text in _lines(path):
             key, equals, value = (part.strip() for part in text.partition("="))
             if not equals:
                 raise NagiosError(f"{path}:{line}: {text!r} is not a setting; write name=value")
             self.settings.append(Directive(path, line, "main", "", key, value, key))
-            self._include(path, line, key, value)
+            if key in INCLUDES and not follow:
+                self.skipped.append(self.settings[-1])
+            else:
+                self._include(path, line, key, value)
 
     def _include(self, path: Path, line: int, key: str, value: str) -> None:
         if key not in INCLUDES:
             return
-        target = path.parent / value
-        if not target.exists():
+        target = _beside(path, value)
+        if target is None:
             raise NagiosError(
                 f"{path}:{line}: {key} {value} does not exist; correct the path, or give the "
-                "object files and folders themselves instead of the main file"
+                "folder of the object files instead of the main file"
             )
         if key == "resource_file":
             self._resources(target)
@@ -156,14 +184,25 @@ class _Reader:
             self._objects(target)
 
     def _resources(self, path: Path) -> None:
+        if not self._is_new(path):
+            return
         for line, text in _lines(path):
             key, _, value = (part.strip() for part in text.partition("="))
-            self.settings.append(Directive(path, line, "resource", "", key, value, key))
+            kind = "resource" if key.startswith("$") else "main"
+            self.settings.append(Directive(path, line, kind, "", key, value, key))
+
+    def _is_new(self, path: Path) -> bool:
+        """Whether a file is read for the first time."""
+        if path.resolve() in self._done:
+            return False
+        self._done.add(path.resolve())
+        if len(self._done) > MOST_FILES:
+            raise NagiosError(f"{path}: there are more than {MOST_FILES:,} files; give fewer")
+        return True
 
     def _objects(self, path: Path) -> None:
-        if path.resolve() in self._done:
+        if not self._is_new(path):
             return
-        self._done.add(path.resolve())
         current: Definition | None = None
         lines: list[tuple[int, str]] = []
         for line, text in _lines(path, comments=True):
@@ -188,6 +227,13 @@ class _Reader:
             raise NagiosError(f"{path}:{current.line}: {current.kind} has no closing }}")
 
 
+def _beside(main: Path, value: str) -> Path | None:
+    """The file or folder that a main file names; that of another machine is beside it."""
+    parts = Path(value).parts
+    rests = (main.parent.joinpath(*parts[begin:]) for begin in range(len(parts)))
+    return next((each for each in rests if each.exists()), None)
+
+
 def _is_main(path: Path) -> bool:
     """Whether a file is a main file: it has settings and no definitions."""
     found = [text for _, text in _lines(path)]
@@ -196,12 +242,20 @@ def _is_main(path: Path) -> bool:
     )
 
 
+def _has_settings(path: Path) -> bool:
+    """Whether a file has settings only, as main file, cgi.cfg and resource file have."""
+    found = [text for _, text in _lines(path)]
+    return bool(found) and all(re.match(r"[\w$.-]+\s*=", text) for text in found)
+
+
 def _lines(path: Path, *, comments: bool = False) -> Iterator[tuple[int, str]]:
     """The lines that say something, stripped, continued ones joined; ``comments``: with ``;``."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = limits.read(path, MOST_BYTES).decode("utf-8", "replace")
     except OSError as error:
         raise NagiosError(f"{path}: {error.strerror}; give a readable file") from None
+    except limits.LimitError as error:
+        raise NagiosError(f"{path}: {error}; give the files of Nagios") from None
     held, first = "", 0
     for number, raw in enumerate(text.splitlines(), 1):
         first = first if held else number
@@ -241,8 +295,8 @@ def _finish(definition: Definition, lines: list[tuple[int, str]]) -> Definition:
 
 def _split(kind: str, text: str) -> tuple[str, str]:
     """Name and value; of a line with hours in a timeperiod: the days and the hours."""
-    if kind == "timeperiod" and (match := _RANGES.fullmatch(text)):
-        return re.sub(r"\s+", " ", match[1].strip().lower()), match[2].strip()
+    if kind == "timeperiod" and (match := _HOURS.search(text)):
+        return " ".join(text[: match.start()].lower().split()), text[match.start() :].strip()
     name = re.split(r"\s", text, maxsplit=1)[0]
     return name, text[len(name) :].strip()
 

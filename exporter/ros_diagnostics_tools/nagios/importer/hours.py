@@ -8,12 +8,16 @@ mutes the day outside of its hours, and one that is active in them.
 from __future__ import annotations
 
 import re
+from calendar import monthrange
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from datetime import date
 from typing import Any
 
 from ros_diagnostics_exporter.config.scalars import DAY, DAYS
+from ros_diagnostics_tools.nagios.importer.files import NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
@@ -108,6 +112,9 @@ def times(ranges: Ranges) -> Interval:
     return {"times": [{"start_time": clock(a), "end_time": clock(b)} for a, b in ranges]}
 
 
+_ISO = r"\d{4}-\d\d-\d\d"
+DEEPEST = 100  # timeperiods that exclude one another
+MOST_YEARS = 20
 ALWAYS = Hours("always", (((0, DAY),),) * 7)
 
 
@@ -116,6 +123,15 @@ def hours(site: Site, name: str, above: tuple[str, ...] = ()) -> Hours:
     thing = site.find("timeperiod", name) if name else None
     if thing is None or name in above:
         return ALWAYS
+    if name not in site.hours:
+        if len(above) > DEEPEST:
+            raise NagiosError(f"timeperiod {name}: more than {DEEPEST} exclude one another")
+        site.hours[name] = _hours(site, thing, name, above)
+    found: Hours = site.hours[name]
+    return found
+
+
+def _hours(site: Site, thing: Thing, name: str, above: tuple[str, ...]) -> Hours:
     found = Hours(name)
     where = f"the hours {name}"
     thing.take("timeperiod_name", "the routes and downtimes that use these hours")
@@ -126,7 +142,7 @@ def hours(site: Site, name: str, above: tuple[str, ...] = ()) -> Hours:
             found = replace(found, weekly=(*found.weekly[:day], ranges, *found.weekly[day + 1 :]))
         elif key[0].isdigit() or key.split()[0] in (*WEEKDAYS, *MONTHS, "day"):
             found = _with_exception(found, thing, key, where)
-    for each in thing.list("exclude"):
+    for each in dict.fromkeys(thing.list("exclude")):
         found = _without(found, hours(site, each, (*above, name)), thing)
     return found
 
@@ -134,7 +150,7 @@ def hours(site: Site, name: str, above: tuple[str, ...] = ()) -> Hours:
 def _with_exception(found: Hours, thing: Thing, key: str, where: str) -> Hours:
     dates = _dates(key)
     if dates is None:
-        thing.lose(key, _NO_SUCH_DATE)
+        thing.lose(key, _NO_SUCH_DATE, Effect.OTHERWISE)
         return found
     ranges = _ranges(thing.take(key, where))
     muted = [{**each, **times(rest)} for each in dates if (rest := tuple(_complement(ranges)))]
@@ -144,15 +160,19 @@ def _with_exception(found: Hours, thing: Thing, key: str, where: str) -> Hours:
 
 def _without(found: Hours, other: Hours, thing: Thing) -> Hours:
     if other.muted:
-        thing.lose("exclude", f"{other.name} has dates of its own, which exclude does not keep")
+        thing.lose(
+            "exclude",
+            f"{other.name} has dates of its own, which exclude does not keep",
+            Effect.OTHERWISE,
+        )
     thing.take("exclude", f"the hours {found.name}, muted in {other.name}")
     return replace(found, muted=(*found.muted, *other.intervals()))
 
 
 def _dates(key: str) -> list[Interval] | None:
     """The days of an exception as Alertmanager's interval; None if it has none for them."""
-    if match := re.fullmatch(r"(\d{4})-(\d\d)-(\d\d)", key):
-        return [_date(int(match[2]), int(match[3]), int(match[3]), match[1])]
+    if match := re.fullmatch(rf"({_ISO})(?: - ({_ISO}))?", key):
+        return _calendar(match[1], match[2] or match[1])
     if match := re.fullmatch(rf"({_MONTH}) (-?\d+)(?: - (-?\d+))?", key):
         return [_date(MONTHS.index(match[1]) + 1, int(match[2]), int(match[3] or match[2]))]
     if match := re.fullmatch(rf"({_MONTH}) (\d+) - ({_MONTH}) (\d+)", key):
@@ -164,9 +184,34 @@ def _dates(key: str) -> list[Interval] | None:
     return None
 
 
-def _date(month: int, first: int, last: int, year: str = "") -> Interval:
-    found: Interval = {"months": [str(month)], "days_of_month": [_days(first, last)]}
-    return {**found, "years": [year]} if year else found
+def _calendar(first: str, last: str) -> list[Interval] | None:
+    """The days between two dates; their whole months of one year are one interval."""
+    try:
+        begin, end = date.fromisoformat(first), date.fromisoformat(last)
+    except ValueError:
+        return None
+    if not begin <= end or end.year - begin.year > MOST_YEARS:
+        return None
+    found: list[Interval] = []
+    for year in range(begin.year, end.year + 1):
+        start, stop = max(begin, date(year, 1, 1)), min(end, date(year, 12, 31))
+        found += ({**each, "years": [str(year)]} for each in _of_year(start, stop))
+    return found
+
+
+def _of_year(begin: date, end: date) -> list[Interval]:
+    if begin.month == end.month:
+        return [_date(begin.month, begin.day, end.day)]
+    first, last = begin.month + (begin.day > 1), end.month
+    found = [_date(begin.month, begin.day, -1)] if begin.day > 1 else []
+    is_whole = end.day == monthrange(end.year, end.month)[1]
+    if first < last + is_whole:
+        found.append({"months": [_days(first, last - (not is_whole))]})
+    return found if is_whole else [*found, _date(last, 1, end.day)]
+
+
+def _date(month: int, first: int, last: int) -> Interval:
+    return {"months": [str(month)], "days_of_month": [_days(first, last)]}
 
 
 def _days(first: int, last: int) -> str:

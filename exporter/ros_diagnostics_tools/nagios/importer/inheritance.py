@@ -5,10 +5,11 @@ https://assets.nagios.com/downloads/nagioscore/docs/nagioscore/4/en/objectinheri
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
-from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
+from ros_diagnostics_tools.nagios.importer.ledger import Effect, ImportLedger
 
 NOT_INHERITED = frozenset({"name", "use", "register"})
 # What a leading + adds to: the lists that xodtemplate.c passes to get_inherited_string.
@@ -22,6 +23,9 @@ ADDITIVE = frozenset(
     }
 )
 NULL = "null"
+DEEPEST = 100  # templates above one another
+LONGEST = 1_000_000  # characters of a value that templates add to
+_NUMBER = re.compile(r"\s*[-+]?(\d{1,15}(\.\d*)?|\.\d+)")
 
 Values = dict[str, tuple[str, tuple[Directive, ...]]]
 
@@ -48,9 +52,9 @@ class Thing:
         self._ledger.translated(self.lines(key), where)
         return self.get(key)
 
-    def lose(self, key: str, remedy: str) -> None:
+    def lose(self, key: str, remedy: str, part: Effect = Effect.INFORMATION) -> None:
         """Report a value that is given and has no equivalent."""
-        self._ledger.lost(self.lines(key), remedy)
+        self._ledger.lost(self.lines(key), remedy, part)
 
     def withdraw(self, where: str, remedy: str) -> None:
         """Report that nothing came of it at ``where``, whatever was taken for that."""
@@ -66,12 +70,20 @@ class Thing:
         return [each.strip() for each in self.get(key).split(",") if each.strip()]
 
     def number(self, key: str, default: float) -> float:
-        """A numeric value."""
-        try:
-            return float(self.get(key) or default)
-        except ValueError:
-            place = self.lines(key)[-1].place
-            raise NagiosError(f"{place}: {key} {self.get(key)!r} is not a number") from None
+        """A numeric value, as Nagios reads it: what follows the number does not count."""
+        text = self.get(key)
+        if not text:
+            return default
+        found = leading_number(text)
+        if found is None:
+            self.lose(key, f"{text!r} is not a number, and 0 to Nagios", Effect.OTHERWISE)
+        return found or 0.0
+
+
+def leading_number(text: str) -> float | None:
+    """The number that a text begins with, as C's ``atof`` reads it; None without one."""
+    found = _NUMBER.match(text)
+    return None if found is None else float(found[0])
 
 
 class Templates:
@@ -86,6 +98,7 @@ class Templates:
             if each.value("name")
         }
         self._used: set[int] = set()
+        self._filled: dict[int, Values] = {}
         self.effective: set[Directive] = set()
 
     def things(self) -> list[Thing]:
@@ -104,13 +117,23 @@ class Templates:
         return definition.value("register") != "0" or id(definition) in self._used
 
     def _resolved(self, definition: Definition, above: tuple[str, ...]) -> Values:
+        if id(definition) not in self._filled:
+            self._filled[id(definition)] = self._fill(definition, above)
+        return dict(self._filled[id(definition)])
+
+    def _fill(self, definition: Definition, above: tuple[str, ...]) -> Values:
         values: Values = {}
         for each in definition.directives:
             if each.key not in NOT_INHERITED:
                 values[each.key] = (each.value, (each,))
-        for name in (each.strip() for each in definition.value("use").split(",")):
+        for name in dict.fromkeys(each.strip() for each in definition.value("use").split(",")):
             if not name:
                 continue
+            if len(above) > DEEPEST:
+                raise NagiosError(
+                    f"{definition.path}:{definition.line}: more than {DEEPEST} templates are above "
+                    "one another; use fewer"
+                )
             if name in above:
                 way = " -> ".join((*above, name))
                 raise NagiosError(
@@ -140,4 +163,6 @@ def _inherit(values: Values, inherited: Values) -> None:
             continue
         own, own_lines = values[key]
         if key in ADDITIVE and own.startswith("+") and value not in ("", NULL):
-            values[key] = (f"{value},{own[1:]}", (*lines, *own_lines))
+            if len(value) + len(own) > LONGEST:
+                raise NagiosError(f"{lines[0].place}: {key} is longer than {LONGEST:,} characters")
+            values[key] = (f"{value},{own[1:]}", tuple(dict.fromkeys((*lines, *own_lines))))

@@ -8,6 +8,7 @@ from typing import Any
 
 from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot
 from ros_diagnostics_tools.nagios.importer.routes import parts
 from ros_diagnostics_tools.nagios.importer.site import Site
@@ -99,6 +100,7 @@ def _failures(thing: Thing, alerts: dict[str, str]) -> str:
             "notification_failure_criteria",
             f"{','.join(unknown)}: there is no alert for these states; o, up and ok are no alerts, "
             "and of an unreachable robot no fault begins: that of its uplink does",
+            Effect.OTHERWISE,
         )
     return "|".join(alerts[each] for each in letters if each in alerts)
 

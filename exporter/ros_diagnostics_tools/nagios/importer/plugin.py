@@ -6,6 +6,7 @@ import re
 import shlex
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from pathlib import PurePath
 
 # A plug-in whose file name has one of these words: ros-diagnostics_agg.py, check_ros_diagnostics.
@@ -15,6 +16,10 @@ _HOST = ("-H", "--host", "--hostname", "--robot")
 _DOMAIN = ("--domain", "--domain-id", "--domain_id")
 _NAMESPACE = ("--namespace",)
 _KNOWN = {
+    **dict.fromkeys(("-k", "--key"), "key"),
+    **dict.fromkeys(("-w", "--warning"), "warning"),
+    **dict.fromkeys(("-c", "--critical"), "critical"),
+    **dict.fromkeys(("-t", "--timeout"), "timeout"),
     **dict.fromkeys(_NAME, "words"),
     **dict.fromkeys(_HOST, "host"),
     **dict.fromkeys(_DOMAIN, "domain_id"),
@@ -31,6 +36,10 @@ class Check:
     host: str = ""
     domain_id: str = ""
     namespace: str = ""
+    key: str = ""
+    warning: str = ""
+    critical: str = ""
+    timeout: str = ""
     rest: tuple[str, ...] = ()
 
 
@@ -66,11 +75,53 @@ def parse(line: str) -> Check:
         option, equals, value = each.partition("=")
         if option in _KNOWN:
             found[_KNOWN[option]] = value if equals else next(waiting, "")
-        elif each[:2] in ("-N", "-H") and len(each) > 2:
+        elif each[:2] in _KNOWN and len(each) > 2 and each[1] != "-":
             found[_KNOWN[each[:2]]] = each[2:]
         else:
             rest.append(each)
     return Check(**found, rest=tuple(rest))
+
+
+def options(line: str) -> tuple[str, dict[str, str]]:
+    """The program of a command line, and the values of its options: long ones by first letter."""
+    words = [*_arguments(line), "", ""]
+    found: dict[str, str] = {}
+    for each, following in pairwise(words[1:]):
+        _option, equals, value = each.partition("=")
+        if each.startswith("--"):
+            found[each[1:3]] = value if equals else following
+        elif each.startswith("-"):
+            found[each[:2]] = each[2:] or following
+    return words[0], found
+
+
+_RANGE = re.compile(r"(?:(~|-?[\d.]+)?:)?(-?[\d.]+)?")
+
+
+def thresholds(warning: str, critical: str) -> dict[str, dict[str, float]] | None:
+    """Ranges of plug-ins (``20:``, ``80``, ``10:90``) as fleet.yml has them; None: it cannot.
+
+    Without a colon it is the upper limit: below 0 plug-ins alert, too.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for severity, text in (("warning", warning), ("critical", critical)):
+        match = _RANGE.fullmatch(text)
+        if match is None:
+            return None
+        try:
+            for bound, number in (("low", match[1]), ("high", match[2])):
+                if number not in (None, "~"):
+                    found.setdefault(bound, {})[severity] = float(number)
+        except ValueError:
+            return None
+    return found if _are_ordered(found) else None
+
+
+def _are_ordered(found: dict[str, dict[str, float]]) -> bool:
+    low, high = found.get("low", {}), found.get("high", {})
+    values = [low.get("critical"), low.get("warning"), high.get("warning"), high.get("critical")]
+    given = [each for each in values if each is not None]
+    return bool(given) and given == sorted(given)
 
 
 def _leading(arguments: list[str]) -> list[str]:

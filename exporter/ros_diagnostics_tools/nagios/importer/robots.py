@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config.scalars import MAX_DOMAIN_ID, address, is_n
 from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.hours import Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
 UPLINK_QUERY = {  # as in docs/examples/queries/queries.d/hosts.yml
@@ -26,9 +27,9 @@ UPLINK_QUERY = {  # as in docs/examples/queries/queries.d/hosts.yml
     "uplink": True,
 }
 LABELS = ("site", "team", "kind", "uplink", "robot_group")  # that the shipped rules put on alerts
-NAGIOS_FLAPPING = ("30.0", "20.0")  # high and low where nagios.cfg says one of them only
+NAGIOS_FLAPPING = (30.0, 20.0)  # high and low where nagios.cfg says one of them only
 LEAST_FLAPPING = 0.01  # that fleet.yml takes
-FRESHNESS_LATENCY = "15"  # additional_freshness_latency where nagios.cfg does not say
+FRESHNESS_LATENCY = 15.0  # additional_freshness_latency where nagios.cfg does not say
 
 
 @dataclass
@@ -85,8 +86,8 @@ def _flapping(site: Site) -> dict[str, Any]:
     if not {"high_service_flap_threshold", "low_service_flap_threshold"} & site.settings.keys():
         return {}
     where = "fleet.yml: faults.flapping"
-    start = float(site.take_setting("high_service_flap_threshold", NAGIOS_FLAPPING[0], where)) / 100
-    stop = float(site.take_setting("low_service_flap_threshold", NAGIOS_FLAPPING[1], where)) / 100
+    start = site.take_number("high_service_flap_threshold", NAGIOS_FLAPPING[0], where) / 100
+    stop = site.take_number("low_service_flap_threshold", NAGIOS_FLAPPING[1], where) / 100
     start, stop = (min(max(share, LEAST_FLAPPING), 1.0) for share in (start, min(stop, start)))
     return {"faults": {"flapping": {"start": start, "stop": stop}}}
 
@@ -232,7 +233,11 @@ def _outside_check_period(site: Site, robot: Robot, time_zone: str) -> dict[str,
         "check_period", "fleet.yml: maintenance" if weekly else "robots are always judged"
     )
     if found.muted or found.added:
-        robot.host.lose("check_period", f"the dates of {period}: add them to maintenance by hand")
+        robot.host.lose(
+            "check_period",
+            f"the dates of {period}: add them to maintenance by hand",
+            Effect.OTHERWISE,
+        )
     if not weekly:
         return None
     return {
@@ -266,14 +271,16 @@ def _named_profiles(robots: list[Robot]) -> dict[str, dict[str, Any]]:
 
 def _profile(site: Site, robot: Robot) -> dict[str, Any]:
     """The times and checks of one robot."""
-    profile = _confirm_after(site, robot.host, "fleet.yml: profiles.*.confirm_after")
+    profile = confirm_after(site, robot.host, "fleet.yml: profiles.*.confirm_after")
     checks: dict[str, dict[str, Any]] = {}
     rules: dict[str, dict[str, Any]] = {}
     every: list[dict[str, Any]] = []
     plain: list[dict[str, Any]] = []
+    values: list[dict[str, Any]] = []
     for service, check in robot.services:
         rule = _rule(site, service, robot)
         name = _check_name(service, check)
+        values += (each for each in _values(service, check) if each not in values)
         if check.words.lower() in plugin.EVERYTHING:
             every.append(rule)
         else:
@@ -292,6 +299,7 @@ def _profile(site: Site, robot: Robot) -> dict[str, Any]:
         **profile,
         **({"checks": checks} if checks else {}),
         **({"components": specific} if specific else {}),
+        **({"values": values} if values else {}),
     }
 
 
@@ -316,6 +324,7 @@ def _overlap(service: Service, words: str, rules: dict[str, dict[str, Any]]) -> 
             "check_command",
             f"its filter {words} and {other} of another service match the same components: "
             "times and contacts are those of the longer filter",
+            Effect.OTHERWISE,
         )
 
 
@@ -338,18 +347,54 @@ def _check_name(service: Service, check: plugin.Check) -> str:
         thing.take("service_description", f"fleet.yml: profiles.*.checks[{name}]")
     if check.host not in ("", host.get("host_name"), host.get("address")):
         thing.lose(
-            "check_command", f"it asks {check.host}, not its host: declare a robot for {check.host}"
+            "check_command",
+            f"it asks {check.host}, not its host: declare a robot for {check.host}",
+            Effect.NO_LONGER,
         )
-    if check.rest:
-        thing.lose(
-            "check_command", f"not translated of the plug-in's arguments: {' '.join(check.rest)}"
-        )
+    if check.timeout:
+        _lose_arguments(thing, f"-t {check.timeout}", Effect.INFORMATION)
+    known = (host.get("host_name"), host.get("address"), host.get("_ROS_NAMESPACE"))
+    if rest := [each for each in check.rest if each not in known]:
+        is_option = all(each.startswith("-") for each in rest)  # values of the host's are known
+        part = Effect.INFORMATION if is_option else Effect.OTHERWISE
+        _lose_arguments(thing, " ".join(check.rest), part)
     return name
+
+
+def _lose_arguments(thing: Thing, text: str, part: Effect) -> None:
+    thing.lose("check_command", f"not translated of the plug-in's arguments: {text}", part)
+
+
+def _values(service: Service, check: plugin.Check) -> list[dict[str, Any]]:
+    """The thresholds of a plug-in's key as those of a value; reported where there are none."""
+    if not check.warning and not check.critical:
+        return []
+    found = plugin.thresholds(check.warning, check.critical)
+    if found is None or not check.key:
+        _lose_arguments(
+            service.thing,
+            " ".join(
+                f"{option} {value}"
+                for option, value in (
+                    ("-k", check.key),
+                    ("-w", check.warning),
+                    ("-c", check.critical),
+                )
+                if value
+            )
+            + ": write thresholds of a value in fleet.yml",
+            Effect.NO_LONGER,
+        )
+        return []
+    service.thing.take("check_command", "fleet.yml: profiles.*.values")
+    every = check.words.lower() in plugin.EVERYTHING
+    component = {} if every else {"component": check.words}
+    return [{**component, "key": f"{check.key}*", "thresholds": found}]
 
 
 def _rule(site: Site, service: Service, robot: Robot) -> dict[str, Any]:
     where = "fleet.yml: profiles.*.components"
-    rule = _confirm_after(site, service.thing, f"{where}.confirm_after")
+    rule = confirm_after(site, service.thing, f"{where}.confirm_after")
     fresh = _stale_after(site, service.thing, f"{where}.stale_after")
     if fresh:
         rule["stale_after"] = durations.written(fresh)
@@ -358,13 +403,14 @@ def _rule(site: Site, service: Service, robot: Robot) -> dict[str, Any]:
         service.thing.lose(
             "check_period",
             "a downtime in fleet.yml is one of the whole robot: add it to maintenance",
+            Effect.OTHERWISE,
         )
     elif period:
         service.thing.take("check_period", "that of its host")
     return rule
 
 
-def _confirm_after(site: Site, thing: Thing, where: str) -> dict[str, Any]:
+def confirm_after(site: Site, thing: Thing, where: str) -> dict[str, Any]:
     """Nagios' time from the first bad check to the hard state, or to its delayed notification."""
     keys = ("max_check_attempts", "retry_interval", "first_notification_delay")
     if "max_check_attempts" not in thing:
@@ -374,7 +420,7 @@ def _confirm_after(site: Site, thing: Thing, where: str) -> dict[str, Any]:
     delay = site.seconds(thing.number("first_notification_delay", 0))
     for key in keys:
         thing.take(key, f"{where} (retry_interval x (max_check_attempts - 1), or the delay)")
-    return {"confirm_after": durations.written(max(retry * (max(attempts, 1) - 1), delay))}
+    return {"confirm_after": durations.written(max(retry * (max(int(attempts), 1) - 1), delay, 0))}
 
 
 def _stale_after(site: Site, thing: Thing, where: str) -> float:
@@ -388,6 +434,6 @@ def _stale_after(site: Site, thing: Thing, where: str) -> float:
     if threshold:
         thing.take("freshness_threshold", where)
         return threshold
-    latency = site.take_setting("additional_freshness_latency", FRESHNESS_LATENCY, where)
+    latency = site.take_number("additional_freshness_latency", FRESHNESS_LATENCY, where)
     thing.take("check_interval", f"{where} (check_interval and additional_freshness_latency)")
-    return site.seconds(thing.number("check_interval", 5)) + float(latency)
+    return site.seconds(thing.number("check_interval", 5)) + latency

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from ros_diagnostics_exporter import durations
-from ros_diagnostics_tools.nagios.importer import plugin, rotas
+from ros_diagnostics_tools.nagios.importer import advice, plugin, rotas
 from ros_diagnostics_tools.nagios.importer.hours import ALWAYS, Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
+from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot, check_name
 from ros_diagnostics_tools.nagios.importer.rotas import Turn
 from ros_diagnostics_tools.nagios.importer.site import Site
@@ -36,6 +37,9 @@ ALERTS: dict[Kind, dict[str, tuple[str, ...]]] = {
 }
 ALL_OPTIONS: dict[Kind, str] = {"host": "d,u,r,f,s", "service": "w,u,c,r,f,s"}
 OF_KIND = {kind: tuple(sorted(sum(of.values(), ()))) for kind, of in ALERTS.items()}
+# What of a contact Nagios' commands notify, beside its mail.
+MACROS = {"$CONTACTPAGER$": "pager"} | {f"$CONTACTADDRESS{n}$": f"address{n}" for n in range(1, 7)}
+NOTIFICATION_INTERVAL = 30.0  # Nagios' own where the files do not say
 NOBODY = "nagios-nobody"
 PROBLEMS = "-problems"  # of a receiver without recoveries
 ROUTES = "alertmanager-routes.yml"
@@ -200,9 +204,25 @@ class _Router:
         if email := contact.take("email", where):
             receiver["email_configs"] = [{"to": email, "send_resolved": recovery, **EMAIL}]
         else:
-            contact.lose("contact_name", f"has no email: add its way to the receiver {name}")
+            remedy = f"has no email: add its way to the receiver {name}"
+            contact.lose("contact_name", remedy, Effect.NO_LONGER)
+        self._ways(contact)
         self.made.receivers.setdefault(name, receiver)
         return name
+
+    def _ways(self, contact: Thing) -> None:
+        """Report in which ways beside mails Nagios notifies a contact."""
+        for kind in ALERTS:
+            key = f"{kind}_notification_commands"
+            commands = (self._site.find("command", each) for each in contact.list(key))
+            lines = [each.get("command_line") for each in commands if each is not None]
+            for macro, key_of_way in MACROS.items():
+                if key_of_way in contact and any(macro in line for line in lines):
+                    contact.lose(key_of_way, advice.ADVICE["pager"], Effect.NO_LONGER)
+            others = [each for each in lines if "$CONTACT" not in each]
+            if others:
+                remedy = "a way of its own: add sns_configs or a webhook to the contact's receiver"
+                contact.lose(key, remedy, Effect.NO_LONGER)
 
     # -- routes ------------------------------------------------------------------------------
 
@@ -323,14 +343,13 @@ class _Router:
                 yield step, tuple(dict.fromkeys(recipients))
 
     def _escalation(self, kind: Kind, robot: Robot, thing: Thing, step: int) -> Iterator[Recipient]:
-        usual = robot.host.number("notification_interval", 60)
-        interval = self._site.seconds(thing.number("notification_interval", usual))
-        after = interval * (thing.number("first_notification", 1) - 1)
+        after = self._interval(robot, thing) * max(thing.number("first_notification", 1) - 1, 0)
         thing.take("first_notification", f"{ESCALATIONS}, step {step}")
         thing.lose(
             "first_notification",
             f"about {durations.written(after)} after the first notification in Nagios; the time of "
             f"step {step} is in prometheus/rules/escalation.yml",
+            Effect.OTHERWISE,
         )
         period = hours(self._site, thing.take("escalation_period", ESCALATIONS))
         worst: dict[Kind, str] = {"host": "d", "service": "c"}
@@ -339,6 +358,13 @@ class _Router:
             if found is not None:
                 self._escalated_by.add(thing)
                 yield replace(found, alerts=("Unacknowledged",))
+
+    def _interval(self, robot: Robot, thing: Thing) -> float:
+        """Seconds between two notifications before an escalation: the object's own interval."""
+        wanted = thing.list("service_description")
+        services = [service for service, _ in robot.services if service.name in wanted]
+        source = services[0].inherited("notification_interval") if services else robot.host
+        return self._site.seconds(source.number("notification_interval", NOTIFICATION_INTERVAL))
 
 
 def _notified(recovery: bool) -> dict[str, Any]:
@@ -365,9 +391,13 @@ def _options(kind: Kind, thing: Thing, key: str, where: str) -> frozenset[str]:
             "host": "u: UNREACHABLE is a fault of the uplink, one for all behind it",
             "service": "u: a robot that is silent is one alert, not one of each component",
         }
-        thing.lose(key, remedy[kind])
+        thing.lose(key, remedy[kind], Effect.OTHERWISE)
     if kind == "service" and "s" in letters and key in thing.values:
-        thing.lose(key, "s: a downtime is one of the robot, and notified to its host's contacts")
+        thing.lose(
+            key,
+            "s: a downtime is one of the robot, and notified to its host's contacts",
+            Effect.OTHERWISE,
+        )
     return frozenset() if letters & {"n"} else letters
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
-from ros_diagnostics_tools.nagios.importer.files import Directive
-from ros_diagnostics_tools.nagios.importer.inheritance import Thing
+from ros_diagnostics_exporter.regex import Pattern, RegexError
+from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
+from ros_diagnostics_tools.nagios.importer.inheritance import Thing, leading_number
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 
+MOST_GROUPS = 200  # within one group
 SECONDS = 60.0  # interval_length of Nagios where nagios.cfg does not say
 
 
@@ -55,6 +58,7 @@ class Site:
 
     def __post_init__(self) -> None:
         self._names: dict[str, dict[str, Thing]] = {}
+        self.hours: dict[str, Any] = {}  # of timeperiods, once they are read
         self._members: dict[str, dict[str, list[str]]] = {}
         self.services: list[Service] = []
         self._services: dict[str, dict[str, Service]] = {}
@@ -82,21 +86,28 @@ class Site:
         if kind not in self._members:
             groups = {each.get(f"{kind}group_name"): each for each in self.all(f"{kind}group")}
             self._members[kind] = {
-                name: list(dict.fromkeys(self._of_group(kind, groups, name, ()))) for name in groups
+                name: list(dict.fromkeys(self._of_group(kind, groups, name, set())))
+                for name in groups
             }
         return self._members[kind]
 
     def _of_group(
-        self, kind: str, groups: dict[str, Thing], name: str, above: tuple[str, ...]
+        self, kind: str, groups: dict[str, Thing], name: str, seen: set[str]
     ) -> Iterator[str]:
-        if name in above or name not in groups:
+        if name in seen or name not in groups:
             return
+        seen.add(name)
+        if len(seen) > MOST_GROUPS:
+            place = groups[name].definition
+            raise NagiosError(
+                f"{place.path}:{place.line}: more than {MOST_GROUPS} groups are within one another"
+            )
         where = f"the members of {kind}group {name}"
         groups[name].take("members", where)
         yield from self.names(kind, groups[name].list("members"))
         groups[name].take(f"{kind}group_members", where)
         for inner in groups[name].list(f"{kind}group_members"):
-            yield from self._of_group(kind, groups, inner, (*above, name))
+            yield from self._of_group(kind, groups, inner, seen)
         key = "hostgroups" if kind == "host" else "contact_groups"
         for each in self.all(kind):
             if name in each.list(key):
@@ -122,7 +133,10 @@ class Site:
         if everywhere or (
             self.setting("use_regexp_matching", "0") == "1" and set(written) & set("*?+\\")
         ):
-            pattern = re.compile(written)
+            try:
+                pattern = Pattern(written)
+            except RegexError:
+                return [written]
             return [each for each in known if pattern.search(each)]
         return [written]
 
@@ -157,9 +171,14 @@ class Site:
             self.ledger.translated((self.settings[name],), where)
         return self.setting(name, default)
 
+    def take_number(self, name: str, default: float, where: str) -> float:
+        """A number of the main file that is translated, as Nagios reads it."""
+        found = leading_number(self.take_setting(name, str(default), where))
+        return default if found is None else found
+
     def seconds(self, units: float) -> float:
         """Nagios' time units in seconds."""
-        return units * float(self.take_setting("interval_length", str(SECONDS), "all intervals"))
+        return units * self.take_number("interval_length", SECONDS, "all intervals")
 
     def command_line(self, service: Service) -> str:
         """The command line of a service's check, macros filled in as far as they are known."""

@@ -223,3 +223,14 @@ def test_a_component_that_is_first_received_in_trouble_is_not_known_before(tmp_p
 
     assert min(at for at, statuses in arrays if statuses) == 20
     assert texts(read(fleet(), log)) == ["20 30 60 motor critical"]
+
+
+def test_a_log_whose_events_are_computed_is_none(tmp_path):
+    path = write_log(tmp_path / "state.db", [Event(BEGIN, "robot", "r", after="received")])
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(
+            "ALTER TABLE events RENAME TO old; CREATE VIEW events AS WITH RECURSIVE n(id) AS "
+            "(VALUES (1) UNION ALL SELECT id + 1 FROM n) SELECT n.id, time, kind, robot, "
+            "component, after, data FROM n, old;"
+        )
+    assert error(path) == f"{path}: has no tables robots and events"

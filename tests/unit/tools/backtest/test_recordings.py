@@ -48,8 +48,11 @@ def test_a_missing_file_is_named(tmp_path):
     [
         ("{", "is not JSON"),
         ("[]", "is no recording of diagnostics"),
-        ('{"t0_unix": 1, "topic": "/d"}', "is no recording of diagnostics: KeyError('messages')"),
-        ('{"t0_unix": 1, "topic": "/d", "messages": [{"t": 1, "status": [{}]}]}', "'header'"),
+        ('{"t0_unix": 1, "topic": "/d"}', "line 1: messages: Field required"),
+        (
+            '{"t0_unix": 1, "topic": "/d", "messages": [{"t": 1, "status": [{}]}]}',
+            "header: Field required",
+        ),
         ('{"t0_unix": 1, "topic": "/d", "messages": []}', "holds no diagnostic_msgs"),
     ],
 )

@@ -243,6 +243,21 @@ def test_hosts_that_are_no_robots_and_other_kinds_are_counted_and_not_compared(s
     }
 
 
+def test_a_log_of_which_no_host_is_a_robot_here_agrees_with_nothing(site, capsys):
+    for at in (100, 200, 300):
+        site.nagios(at, "CRITICAL", "unknown;Motor")
+
+    code, text = site.run()
+
+    assert code == 2
+    assert "0 the same" in text
+    site.nagios(400, "OK", "r1;Motor")
+    site.here(400, "resolved")
+    site.here(390)
+    site.nagios(390, "CRITICAL")
+    assert site.run()[0] == 0
+
+
 def test_archives_overlap_and_come_in_any_order_over_a_year(site, tmp_path):
     archive = tmp_path / "nagios-12-31-2025-00.log"
     before = DAY - 3600
@@ -352,7 +367,7 @@ def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monke
     text = f"[{DAY}] HOST NOTIFICATION: ops;router;DOWN;by-mail;x\n".encode()
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
 
-    assert main(["nagios", "compare", "-", "--url", f"http://{server.addresses[0]}"]) == 0
+    assert main(["nagios", "compare", "-", "--url", f"http://{server.addresses[0]}"]) == 2
     assert "hosts that are no robots here: 1 notif" in capsys.readouterr().out
     assert wanted == ["notified"]
 

@@ -23,6 +23,8 @@ from ros_diagnostics_tools.nagios.importer.convert import (
 )
 from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.robots import UPLINK_QUERY
+from support.existing_site import ALERTMANAGER as EXISTING
+from support.existing_site import added
 
 CHECKOUT = Path(__file__).parents[4]
 SITE = CHECKOUT / "tests/data/nagios"
@@ -107,8 +109,8 @@ def alertmanager(made, tmp_path_factory) -> Path:
     shipped = yaml.safe_load((folder / "alertmanager.yml").read_text())
     fragment = yaml.safe_load(made.texts[ROUTES])
     shipped["route"]["routes"] = fragment.pop("routes") + shipped["route"]["routes"]
-    for key, added in fragment.items():
-        shipped[key] = added + shipped[key]
+    for key, of_key in fragment.items():
+        shipped[key] = of_key + shipped[key]
     (folder / "alertmanager.yml").write_text(yaml.safe_dump(shipped))
     return folder / "alertmanager.yml"
 
@@ -214,6 +216,98 @@ def test_dependencies_inhibit(made):
     ]
     assert first["target_matchers"][1] == 'robot = "arm_2"'
     assert first["equal"] == ["fleet"]
+
+
+def test_an_escalation_waits_with_the_interval_of_its_object(made, tmp_path):
+    """As nagios4 does: its own interval holds from its first notification on."""
+    assert why(made, "first_notification 2").startswith("about 1h after the first")
+    shutil.copytree(SITE, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "objects/templates.cfg"
+    path.write_text(path.read_text().replace("notification_interval   60\n", "\n"))
+    found = convert([tmp_path / "nagios.cfg"], OPTIONS)
+    assert why(found, "first_notification 3").startswith("about 1h after the first")  # 30 minutes
+
+
+@pytest.mark.parametrize(
+    ("attempts", "retry", "seconds"),
+    [
+        ("4 # one more than the host", "1", 180),
+        ("4", "2 minutes", 360),
+        ("3.9", "1.5", 180),
+        ("4;text", "1", 180),
+        ("x", "1", 0),
+        ("4", "x", 0),
+    ],
+)
+def test_numbers_are_read_as_nagios_reads_them(tmp_path, attempts, retry, seconds):
+    path = tmp_path / "objects.cfg"
+    line = service("Motor", 6).replace("attempts 6", f"attempts {attempts}")
+    path.write_text(RULES + line.replace("interval 1", f"interval {retry}"))
+    made = convert([path], OPTIONS)
+    (tmp_path / FLEET).write_text(made.texts[FLEET])
+
+    (profile,) = load(tmp_path / FLEET).profiles.values()
+    found = profile.components[0] if profile.components else profile
+    assert found.confirm_after == seconds
+    for key, value in (("max_check_attempts", attempts), ("retry_interval", retry)):
+        if value == "x":
+            assert why(made, f"{key} x") == "'x' is not a number, and 0 to Nagios"
+
+
+# -- into alertmanager.yml -------------------------------------------------------------------
+
+
+def test_the_routes_are_merged_into_alertmanager_yml(alertmanager, made, tmp_path):
+    path = CHECKOUT / "alertmanager/alertmanager.yml"
+    into = convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path)).texts
+
+    assert ROUTES not in into
+    assert yaml.safe_load(into["alertmanager.yml"]) == yaml.safe_load(alertmanager.read_text())
+    kept = [line for line in path.read_text().splitlines() if line not in into["alertmanager.yml"]]
+    assert not kept  # comments, too
+
+
+def test_routes_go_below_the_route_of_a_site_with_others(tmp_path):
+    path = tmp_path / "alertmanager.yml"
+    path.write_text(added(EXISTING.format(smtp="localhost:25"), "alertmanager.yml"))
+
+    text = convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path)).texts["alertmanager.yml"]
+
+    ours, *others = yaml.safe_load(text)["route"]["routes"]
+    assert any("RosDiagnostics.+" in each for each in ours["matchers"])
+    assert any("robot =~" in each for each in ours["routes"][0]["matchers"])
+    assert len(others) == 2
+    path.write_text(text)
+    with pytest.raises(NagiosError, match="has a receiver nagios-ada already"):
+        convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("- x\n", "has no route"),
+        ("route: [\n", "is not YAML"),
+        ("receivers: []\n", "has no route"),
+        ("route: {receiver: a}\nreceivers: [{name: a}]\n", "write receivers as a list with"),
+    ],
+)
+def test_what_cannot_be_merged_into_is_named(tmp_path, text, message):
+    path = tmp_path / "alertmanager.yml"
+    path.write_text(text)
+    with pytest.raises(NagiosError, match=message):
+        convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path))
+
+
+def test_lists_that_are_not_there_are_added(tmp_path):
+    path = tmp_path / "alertmanager.yml"
+    path.write_text("route:\n  receiver: a\nreceivers:\n- name: a")
+
+    text = convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path)).texts["alertmanager.yml"]
+
+    found = yaml.safe_load(text)
+    assert found["route"]["routes"]
+    assert found["route"]["receiver"] == found["receivers"][-1]["name"] == "a"
+    assert found["time_intervals"]
 
 
 # -- the report ------------------------------------------------------------------------------
@@ -340,7 +434,7 @@ def test_what_to_do_is_said_for_what_has_no_equivalent(made):
         == "not translated of the plug-in's arguments: -t 30"
     )
     assert why(made, "_PASSWORD (not shown)").startswith("a custom variable")
-    assert why(made, "first_notification 3").startswith("about 1h after the first notification")
+    assert why(made, "first_notification 3").startswith("about 2h after the first notification")
     assert why(made, "pager +491700000000").startswith("add sns_configs or a webhook")
     assert "never-in-a-report" not in "".join(made.texts.values())
 
@@ -432,9 +526,10 @@ def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
     ]
 
     assert main(command) == 0
-    assert "3 robots; fleet.yml, alertmanager-routes.yml, report.txt" in (capsys.readouterr().out)
+    written = "3 robots; fleet.yml, queries.d/hosts.yml, alertmanager-routes.yml, report.txt"
+    assert written in capsys.readouterr().out
     assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
-        (FLEET, ROUTES, REPORT)
+        (FLEET, "queries.d", ROUTES, REPORT)
     )
     (tmp_path / "new" / REPORT).unlink()  # one file that is there is enough
     assert main(command) == 1
@@ -453,7 +548,7 @@ def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, c
         "check_other*",
     ]
 
-    assert main(command) == 0
+    assert main(command) == 1  # nobody is notified of what Nagios checks
     assert "name the ROS plug-in with --plugin" in capsys.readouterr().err
     assert load(tmp_path / FLEET).robots == ()
 

@@ -92,3 +92,42 @@ def test_a_file_that_is_not_there_is_an_error_with_the_way_out(tmp_path):
         NagiosError, match=r"nagios.cfg:1: cfg_file /nowhere/hosts.cfg does not exist"
     ):
         read([tmp_path / "nagios.cfg"])
+
+
+ROBOT = "define host {\nhost_name a\n}\n"
+
+
+def test_a_folder_may_have_the_main_files_of_another_machine(tmp_path):
+    """Their settings count; their paths are of that machine."""
+    (tmp_path / "robots.cfg").write_text(ROBOT)
+    (tmp_path / "nagios.cfg").write_text(
+        "log_file=/var/log/nagios.log\ncfg_file=/etc/passwd\ncfg_dir=/etc\ninterval_length=10\n"
+    )
+    (tmp_path / "cgi.cfg").write_text("main_config_file=/etc/nagios4/nagios.cfg\nuse_ssl=0\n")
+    (tmp_path / "resource.cfg").write_text("$USER1$=/plugins\n")
+
+    found = read([tmp_path])
+
+    assert [each.value("host_name") for each in found.definitions] == ["a"]
+    kinds = {each.key: each.kind for each in found.settings}
+    assert (kinds["interval_length"], kinds["$USER1$"], kinds["use_ssl"]) == (
+        *("main", "resource", "main"),
+    )
+    assert {each.key for each in found.skipped} == {"cfg_file", "cfg_dir"}
+
+
+def test_what_a_main_file_of_another_machine_names_is_looked_for_beside_it(tmp_path):
+    (tmp_path / "conf.d").mkdir()
+    (tmp_path / "conf.d/robots.cfg").write_text(ROBOT)
+    (tmp_path / "other.cfg").write_text(ROBOT.replace("name a", "name b"))
+    main = tmp_path / "nagios.cfg"
+    main.write_text("cfg_dir=/srv/nowhere/conf.d\ncfg_file=/srv/nowhere/objects/other.cfg\n")
+
+    assert [each.value("host_name") for each in read([main]).definitions] == ["a", "b"]
+
+
+def test_folders_that_run_in_circles_are_read_once(tmp_path):
+    (tmp_path / "robots.cfg").write_text(ROBOT)
+    (tmp_path / "again").symlink_to(tmp_path)
+
+    assert len(read([tmp_path]).definitions) == 1

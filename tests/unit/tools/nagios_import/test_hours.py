@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from calendar import monthrange
+from datetime import date, timedelta
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ros_diagnostics_tools.nagios.importer.files import Directive, read
-from ros_diagnostics_tools.nagios.importer.hours import hours
+from ros_diagnostics_tools.nagios.importer.hours import _calendar, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Templates
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
@@ -96,12 +101,73 @@ def test_a_range_of_months_is_its_parts(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("date", ["day 1 - 15 / 5", "2026-01-01 - 2026-02-01", "monday 1 - 2"])
+@pytest.mark.parametrize(
+    "date",
+    [
+        *("day 1 - 15 / 5", "monday 1 - 2", "2026-02-01 - 2026-01-01", "2026-02-30"),
+        *("2026-01-01 - 2096-01-01", "2026-01-01 - 2026-03-01 / 7"),
+    ],
+)
 def test_a_date_that_alertmanager_cannot_say_is_reported(tmp_path, date):
     made, ledger = found(tmp_path, f"{date} 00:00-24:00")
 
     assert made.muted == made.added == ()
     assert [each.key for each, _ in ledger.lost_rows] == [date]
+
+
+def years(year, **more):
+    return {**more, "years": [year]}
+
+
+@pytest.mark.parametrize(
+    ("dates", "intervals"),
+    [
+        (
+            "2027-08-02 - 2027-08-13",
+            [years("2027", months=["8"], days_of_month=["2:13"])],
+        ),
+        (
+            "2026-12-24 - 2027-01-06",
+            [
+                years("2026", months=["12"], days_of_month=["24:31"]),
+                years("2027", months=["1"], days_of_month=["1:6"]),
+            ],
+        ),
+        ("2027-07-01 - 2027-08-31", [years("2027", months=["7:8"])]),
+        (
+            "2027-01-15 - 2027-12-15",
+            [
+                years("2027", months=["1"], days_of_month=["15:-1"]),
+                years("2027", months=["2:11"]),
+                years("2027", months=["12"], days_of_month=["1:15"]),
+            ],
+        ),
+    ],
+)
+def test_dates_with_years_are_translated(tmp_path, dates, intervals):
+    made, ledger = found(tmp_path, ALL_WEEK, f"{dates} 00:00-00:00")
+
+    assert list(made.muted) == intervals
+    assert not ledger.lost_rows
+
+
+@given(st.dates(date(2024, 1, 1), date(2029, 1, 1)), st.integers(0, 900), st.integers(-3, 903))
+def test_the_intervals_of_dates_hold_on_exactly_these_days(first, length, day):
+    """As Alertmanager reads them: a negative day counts from the month's end."""
+    last, shown = first + timedelta(length), first + timedelta(day)
+
+    def holds(interval):
+        of_month = monthrange(shown.year, shown.month)[1]
+        begin, _, end = interval.get("days_of_month", ["1:-1"])[0].partition(":")
+        begin, end = (
+            int(each) if int(each) > 0 else of_month + 1 + int(each)
+            for each in (begin, end or begin)
+        )
+        low, _, high = interval["months"][0].partition(":")
+        in_month = int(low) <= shown.month <= int(high or low)
+        return interval["years"] == [str(shown.year)] and in_month and begin <= shown.day <= end
+
+    assert any(map(holds, _calendar(str(first), str(last)))) == (first <= shown <= last)
 
 
 def test_what_is_excluded_is_muted(tmp_path):

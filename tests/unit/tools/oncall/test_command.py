@@ -187,6 +187,25 @@ def test_check_of_a_rota_with_a_gap(run: Run):
     assert f"{when} nobody is on call; " in errors
 
 
+def test_check_says_who_gets_which_days(run: Run):
+    first = "          - {people: [anna, ben], since: 2027-01-04T09:00}\n"
+    hours = """\
+          - {people: [anna, ben], since: 2027-01-04T09:00, every: day, hours: [Mon-Fri 09:00-19:00]}
+          - {people: [ben], since: 2027-01-04T19:00, hours: [Mon-Thu 19:00-09:00, Fri 19:00-24:00,
+             Sat 00:00-24:00, Sun 00:00-24:00, Mon 00:00-09:00]}
+"""
+    assert first in FILE
+
+    code, output, errors = run(FILE.replace(first, hours), "check", "--ahead", "2w", now=NOW)
+
+    assert (code, errors) == (0, "")
+    assert output.splitlines()[1:] == [
+        "days of robots/first until then:",
+        "  anna: Mon 1, Tue 1, Wed 1, Thu 1, Fri 1",
+        "  ben: Mon 3, Tue 2, Wed 2, Thu 2, Fri 2, Sat 2, Sun 2",
+    ]
+
+
 def test_the_rule_fires_two_weeks_before_the_end(run: Run, folder: Path):
     run(FILE, "build", "--ahead", "3w", "--rules", "rules.yml", now=NOW)
     run_tool("promtool", "check", "rules", folder / "rules.yml")

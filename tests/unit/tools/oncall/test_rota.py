@@ -62,7 +62,21 @@ def looked_up(shift: Shift, shown: datetime) -> set[str]:
         if shift.hours:
             return set()
     turn = (shown - shift.since) // shift.turn
+    if shift.hours and shift.turn == DAY:
+        turn = sum(has_hours(shift, each) for each in range(turn))
     return {shift.people[turn % len(shift.people)]}
+
+
+def has_hours(shift: Shift, turn: int) -> bool:
+    """Whether the clock shows the shift's hours at any time in a turn of a day."""
+    steps = (shift.since + turn * DAY + minute * timedelta(minutes=1) for minute in range(1440))
+    minutes = {(shown.weekday(), shown.hour * 60 + shown.minute) for shown in steps}
+    return any(
+        (weekday + minute // 1440) % 7 == day and first <= minute < until
+        for weekday, first, until in shift.hours
+        for day, shown in minutes
+        for minute in (shown, shown + 1440)
+    )
 
 
 def at(found: list[Stretch], when: datetime) -> frozenset[str]:
@@ -219,3 +233,37 @@ def test_a_shift_that_begins_within_its_hours_has_the_rest_of_them():
 )
 def test_instant(zone: ZoneInfo, text: str, expected: str):
     assert instant(local(text), zone) == utc(expected)
+
+
+def days_of(people: str, hours: tuple[tuple[int, int, int], ...], weeks: int) -> str:
+    """Who is on call on each day of a daily rota, from a Monday on; "-" for nobody."""
+    shift = Shift(tuple(people), local("2026-11-02T09:00"), DAY, BERLIN, hours)
+    begin = utc("2026-11-02T00:00")
+    found = stretches([shift], [], begin, begin + weeks * WEEK)
+    noons = (begin + day * DAY + timedelta(hours=12) for day in range(7 * weeks))
+    return "".join(next(iter(at(found, noon)), "-") for noon in noons)
+
+
+WORKING = tuple((day, 540, 1140) for day in range(5))
+
+
+@pytest.mark.parametrize(
+    ("people", "expected"),
+    [
+        ("abc", "abcab--cabca--bcabc--"),
+        ("abcdefg", "abcde--fgabc--defga--"),
+        ("a", "aaaaa--aaaaa--aaaaa--"),
+    ],
+)
+def test_days_without_hours_are_nobodys_turn(people: str, expected: str):
+    assert days_of(people, WORKING, 3) == expected
+
+
+def test_a_turn_of_the_night_counts_once():
+    nights = tuple((day, 1140, 1140 + 14 * 60) for day in range(4))  # Monday to Thursday, 19 to 9
+    shift = Shift(("a", "b", "c"), local("2026-11-02T19:00"), DAY, BERLIN, nights)
+    begin = utc("2026-11-02T00:00")
+    found = stretches([shift], [], begin, begin + 2 * WEEK)
+
+    midnights = (begin + day * DAY + timedelta(hours=23) for day in range(14))
+    assert "".join(next(iter(at(found, each)), "-") for each in midnights) == "abca---bcab---"

@@ -1,0 +1,191 @@
+"""What is no longer notified is in sight; what has a query or threshold here is written."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_tools.main import main
+from ros_diagnostics_tools.nagios.importer import plugin
+from ros_diagnostics_tools.nagios.importer.computers import QUERIES, asked
+from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT
+from ros_diagnostics_tools.nagios.importer.convert import QUERIES as QUERIES_FILE
+
+CHECKOUT = Path(__file__).parents[4]
+SITE = CHECKOUT / "tests/data/nagios-computers.cfg"
+SHIPPED = yaml.safe_load((CHECKOUT / "docs/examples/queries/queries.d/hosts.yml").read_text())
+
+
+@pytest.fixture
+def run(tmp_path, capsys):
+    """A function (text of a site): exit code, output, folder of what was written."""
+
+    def run(text, *arguments):
+        (tmp_path / "site.cfg").write_text(text)
+        command = ["nagios", "import", str(tmp_path / "site.cfg"), "--force"]
+        code = main([*command, "--to", str(tmp_path / "new"), *arguments])
+        return code, capsys.readouterr().out, tmp_path / "new"
+
+    return run
+
+
+def parts(folder):
+    """The lines of each part of the report, without their places."""
+    found = {}
+    for text in (folder / REPORT).read_text().rstrip().split("\n\n"):
+        title, *lines = text.splitlines()
+        name, count = re.fullmatch(r"(.*) \((\d+)\):", title).groups()
+        assert len(lines) == int(count)
+        found[name] = [re.sub(r"^\S+:\d+: ", "", line) for line in lines]
+    return found
+
+
+def test_what_is_no_longer_notified_comes_first_and_is_the_exit_code(run):
+    code, out, folder = run(SITE.read_text())
+
+    found = parts(folder)
+    assert [*found] == [
+        *("No longer notified", "Notified otherwise", "For your information", "Translated")
+    ]
+    assert [
+        line.partition(": add")[0].partition(": nobody")[0] for line in found[next(iter(found))]
+    ] == [
+        "contact ann: pager +491701234567",
+        "host printer: host_name printer: printer",
+        "service amr2/disk: check_command check_disk!2000!1000: amr2",
+        "service amr2/weird: check_command check_weird: amr2",
+    ]
+    assert code == 1
+    assert "4 no longer notified, 4 notified otherwise, " in out
+
+
+def test_a_site_that_loses_no_notification_exits_with_0(run):
+    text = SITE.read_text()
+    for part in ("pager +491701234567", "host_name printer\n"):
+        text = text.replace(part, "alias x\n")
+    for name in ("weird", "disk!2000!1000"):
+        text = text.replace(f"check_command check_{name}", "check_command check_ssh")
+
+    code, out, _folder = run(text)
+
+    assert (code, "0 no longer notified" in out) == (0, True)
+
+
+def test_the_counts_are_in_json(run):
+    _code, out, _folder = run(SITE.read_text(), "--output", "json")
+
+    found = json.loads(out)
+    assert (found["no_longer"], found["otherwise"]) == (4, 4)
+
+
+def test_thresholds_of_a_key_are_those_of_a_value(run):
+    _code, _out, folder = run(SITE.read_text())
+
+    (profile,) = load(folder / FLEET).profiles.values()
+    (value,) = profile.values
+    assert [(each.bound, each.severity, each.value) for each in value.thresholds] == [
+        ("low", "warning", 20),
+        ("low", "critical", 10),
+    ]
+    assert (value.component.pattern, value.key.pattern) != ("", "")
+    assert {each.name for each in profile.checks} == {"all", "motors", "battery"}
+
+
+@pytest.mark.parametrize(
+    ("warning", "critical", "expected"),
+    [
+        ("20:", "10:", {"low": {"warning": 20, "critical": 10}}),
+        ("80", "90", {"high": {"warning": 80, "critical": 90}}),
+        ("~:80", "", {"high": {"warning": 80}}),
+        ("10:80", "5:", {"low": {"warning": 10, "critical": 5}, "high": {"warning": 80}}),
+        ("10:", "20:", None),
+        ("@10:20", "", None),
+        ("20%", "", None),
+        ("1.2.3", "", None),
+        ("", "", None),
+    ],
+)  # fmt: skip
+def test_ranges_of_plugins(warning, critical, expected):
+    assert plugin.thresholds(warning, critical) == expected
+
+
+@pytest.mark.parametrize(
+    "arguments", ["-w 20: -c 10:", "-k Charge -w 10: -c 20:", "-k Charge -w 5,4"]
+)
+def test_thresholds_that_cannot_be_written_are_no_longer_notified(run, arguments):
+    text = SITE.read_text().replace("-k Charge -w 20: -c 10:", arguments)
+
+    code, _out, folder = run(text)
+
+    assert code == 1
+    lines = parts(folder)["No longer notified"]
+    assert any(f"arguments: {arguments}: write thresholds" in line for line in lines)
+    load(folder / FLEET)
+
+
+def test_the_queries_are_the_shipped_ones():
+    shipped = {each["component"]: each for each in SHIPPED}
+    for of_check in QUERIES.values():
+        for query in of_check:
+            there = dict(shipped[query["component"]])
+            if "thresholds" not in query:
+                del there["thresholds"]
+            assert query == there
+
+
+def test_queries_have_the_thresholds_and_robots_of_the_checks(run):
+    _code, _out, folder = run(SITE.read_text())
+
+    queries = {(each.group, each.component): each for each in load(folder / FLEET).queries}
+    names = [f"load {each}m" for each in (1, 5, 15)]
+    assert queries.keys() == {
+        *(("Host", each) for each in ("ssh", "disk {mountpoint}", *names)),
+        *(("Host like amr2", each) for each in names),
+    }
+    assert "robot=~" not in queries["Host", "ssh"].expr
+    assert 'robot=~"amr1"' in queries["Host", "load 1m"].expr
+    assert [each.value for each in queries["Host", "load 5m"].thresholds] == [4, 6]
+    assert queries["Host", "load 5m"].confirm_after == 120
+    assert yaml.safe_load((folder / QUERIES_FILE).read_text())
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("/p/check_ping -H a -w 100,20% -c 500,60%", ("ping", "100,20%", "500,60%", False)),
+        ("/p/check-host-alive", ("ping", "", "", False)),
+        ("/p/check_ssh 10.0.0.1", ("ssh", "", "", False)),
+        ("/p/check_load --warning=5,4,3 --critical=10,6,4", ("load", "5,4,3", "10,6,4", False)),
+        ("/p/check_nrpe -H a -c check_hda1", ("disk", "20%", "10%", True)),
+        ("/p/check_by_ssh -H a -C '/p/check_users -w 5 -c 9'", ("users", "5", "9", False)),
+        ("/p/check_nrpe -H a -c check_own", None),
+        ("/p/check_procs -w 1:1 -C roscore", None),
+        ("/p/check_something", None),
+        ("", None),
+    ],
+)
+def test_what_a_command_line_asks(line, expected):
+    found = asked(line)
+    assert (None if found is None else tuple(found)) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "is_lost"),
+    [
+        ("/usr/bin/mail $CONTACTEMAIL$", False),
+        ("/usr/bin/slack 'robots'", True),
+        ("/usr/bin/pager $CONTACTADDRESS1$", False),
+    ],
+)
+def test_a_way_of_notification_of_its_own_is_no_longer_notified(run, line, is_lost):
+    text = SITE.read_text().replace("/usr/bin/sms $CONTACTPAGER$", line)
+
+    _code, _out, folder = run(text)
+
+    lost = [line for line in parts(folder)["No longer notified"] if line.startswith("contact")]
+    assert bool(lost) is is_lost
