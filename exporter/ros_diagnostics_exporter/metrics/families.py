@@ -348,6 +348,15 @@ FAULT_INFO = _family(
     part=Part.FAULTS,
 )
 
+FAULT_MEMBER = _family(
+    "fault_member",
+    "gauge",
+    "1 for each robot that a silent site or a fleet's capability is about, and for each component "
+    "of a robot that is one of many with a common cause, or keeps a capability from being OK.",
+    (*EXPORTER, "fault", "robot", "group", "component"),
+    part=Part.FAULTS,
+)
+
 FAULT_ACKNOWLEDGED = _family(
     "fault_acknowledged_timestamp_seconds",
     "gauge",
@@ -381,6 +390,7 @@ FAULT_END = _family(
 FAULT_FAMILIES = (
     FAULT_START,
     FAULT_INFO,
+    FAULT_MEMBER,
     FAULT_END,
     SITE_RECEIVED,
     FLEET_CAPABILITY_STATE,

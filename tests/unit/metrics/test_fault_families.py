@@ -209,3 +209,21 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
         assert set(re.findall('([a-z]+)="', sample)) == shared | own
         assert shared | own <= {*family.labels, "team"}
         assert family.open
+
+
+def test_a_fault_of_many_robots_names_its_members_by_its_id():
+    robots = [
+        Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": "hall"})
+        for n in range(6)
+    ]
+    driver = StateDriver(fleet=Fleet("f", tuple(robots), exporter="e"))
+    for second in range(20):
+        driver.at(second)
+        for robot in robots:
+            broken = robot.name != "r5" and second > 2
+            driver._receive(robot.topic_raw, (HOT if broken else MOTOR,), 0.0)
+    members = driver.samples()["fault_member"]
+    [fault] = {dict(each)["fault"] for each in members}
+    assert {dict(each)["robot"] for each in members} == {"r0", "r1", "r2", "r3", "r4"}
+    assert {dict(each)["component"] for each in members} == {"Motor"}
+    assert driver.sample(START, fault=fault, scope="common") is not None
