@@ -41,7 +41,6 @@ class _Lines(NamedTuple):
     labels: str
     key: tuple[str, ...]
     start: str
-    info: str
 
 
 class FaultText:
@@ -85,7 +84,6 @@ class FaultText:
         all_lines = lines.values()
         samples: dict[Family, Iterable[str]] = {  # generators: what is not wanted is not rendered
             metrics.FAULT_START: (each.start for each in all_lines),
-            metrics.FAULT_INFO: (each.info for each in all_lines),
             metrics.FAULT_END: (_end(fleet, exporter, each) for each in ends),
             metrics.FAULT_ACKNOWLEDGED: _acknowledged(all_lines, acknowledgements),
             metrics.FAULT_NOTIFIED: _notified(all_lines, notified),
@@ -116,12 +114,12 @@ def _end(fleet: str, exporter: str, end: End) -> str:
 def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = _all_labels(fleet, exporter, fault)
     labels = label_pairs(identity)
+    known = {"evidence": fault.evidence, "work": fault.work}
     return _Lines(
         fault,
         labels,
         tuple(encodable(text) for text in identity_of(identity)),
-        start=_sample(metrics.FAULT_START, labels, {}, fault.since),
-        info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence, "work": fault.work}),
+        _sample(metrics.FAULT_START, labels, known, fault.since),
     )
 
 

@@ -332,17 +332,9 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time); present from its confirmation to its end, "
-    "after a restart from when it is confirmed anew.",
-    FAULT,
-    open=True,
-    part=Part.FAULTS,
-)
-FAULT_INFO = _family(
-    "fault_info",
-    "gauge",
-    "1 for every fault, with what was known when it was confirmed, in lines of at most 512 "
-    "characters together, and what the robot can no longer do.",
+    "When the trouble of a fault began (Unix time), with what was known when it was confirmed, in "
+    "lines of at most 512 characters together, and what the robot can no longer do; present from "
+    "its confirmation to its end, after a restart from when it is confirmed anew.",
     (*FAULT, "evidence", "work"),
     open=True,
     part=Part.FAULTS,
@@ -389,7 +381,6 @@ FAULT_END = _family(
 
 FAULT_FAMILIES = (
     FAULT_START,
-    FAULT_INFO,
     FAULT_MEMBER,
     FAULT_END,
     SITE_RECEIVED,
