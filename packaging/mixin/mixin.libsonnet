@@ -19,6 +19,7 @@ local groups(text) = local parsed = std.parseYaml(text); (if std.isArray(parsed)
       importstr '../../prometheus/rules/escalation.yml',
       importstr '../../prometheus/rules/faults.yml',
       importstr '../../prometheus/rules/monitoring.yml',
+      importstr '../../prometheus/rules/pairs.yml',
       importstr '../../prometheus/rules/servers.yml',
       importstr '../../prometheus/rules/states.yml',
     ]),

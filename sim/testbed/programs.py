@@ -81,7 +81,8 @@ def prometheus(config: Path, address: str, storage: Path) -> list[str]:
         os.environ.get("PROMETHEUS") or distributed("prometheus"),
         f"--config.file={config}",
         f"--storage.tsdb.path={storage}",
-        "--rules.alert.resend-delay=30s",  # as docs/alerts.md says
+        "--rules.alert.resend-delay=30s",  # these two as docs/alerts.md says
+        "--rules.alert.for-grace-period=1m",
         f"--web.listen-address={address}",
         f"--web.external-url=http://{address}/",  # what links in alerts begin with
         f"--web.user-assets={CHECKOUT / 'docs'}",  # the runbooks, at /user/alerts/

@@ -20,7 +20,7 @@ MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000, "d": 86_400_000
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smhd]:)|(?<=offset ))(\d+)(ms|s|m|h|d)\b")
 # Seconds that are numbers in an expression: file, the rule's name, as shipped, scaled.
 SECONDS = (("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),)
-FILES = ("faults", "states", "availability", "monitoring")
+FILES = ("faults", "pairs", "states", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
 SLOTS = (  # they count the evaluations of states.yml
     "robot:ros_diagnostics_part_seconds:sum5m",

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults import (
     components,
     ends,
     judge,
+    members,
     own,
     presence,
     removal,
@@ -358,6 +359,10 @@ class Faults:
         for problem in self._book.problems.values():
             if problem.fault is not None and not problem.restored:
                 yield problem.fault
+
+    def members(self, identity: Identity) -> Iterator[members.Member]:
+        """The robots, or components of them, that a larger fault is about."""
+        return members.members(self._book, identity)
 
     def ends(self) -> Iterator[End]:
         """What ended of late, and has not begun again."""

@@ -402,6 +402,11 @@ class FleetState(WatchedFleet):
             engine = self._faults.engine
             return list(engine.served()), list(engine.ends())
 
+    def members(self, fault: Fault) -> list[tuple[str, ComponentName]]:
+        """The robots, or components of them, that a larger fault is about."""
+        with self._lock:
+            return list(self._faults.engine.members(fault.identity))
+
     def note_served(self, now: Instant) -> None:
         """Note that `served` was read by whoever holds the faults."""
         with self._lock:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts, fault_id
+from ros_diagnostics_exporter.faults.model import End, Fault, Identity, Scope, as_texts, fault_id
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
@@ -41,7 +41,6 @@ class _Lines(NamedTuple):
     labels: str
     key: tuple[str, ...]
     start: str
-    info: str
 
 
 class FaultText:
@@ -85,7 +84,6 @@ class FaultText:
         all_lines = lines.values()
         samples: dict[Family, Iterable[str]] = {  # generators: what is not wanted is not rendered
             metrics.FAULT_START: (each.start for each in all_lines),
-            metrics.FAULT_INFO: (each.info for each in all_lines),
             metrics.FAULT_END: (_end(fleet, exporter, each) for each in ends),
             metrics.FAULT_ACKNOWLEDGED: _acknowledged(all_lines, acknowledgements),
             metrics.FAULT_NOTIFIED: _notified(all_lines, notified),
@@ -116,12 +114,12 @@ def _end(fleet: str, exporter: str, end: End) -> str:
 def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = _all_labels(fleet, exporter, fault)
     labels = label_pairs(identity)
+    known = {"evidence": fault.evidence, "work": fault.work}
     return _Lines(
         fault,
         labels,
         tuple(encodable(text) for text in identity_of(identity)),
-        start=_sample(metrics.FAULT_START, labels, {}, fault.since),
-        info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence, "work": fault.work}),
+        _sample(metrics.FAULT_START, labels, known, fault.since),
     )
 
 
@@ -163,6 +161,7 @@ def label_pairs(labels: Mapping[str, str]) -> str:
     return ",".join(f'{name}="{escape(text)}"' for name, text in labels.items() if text)
 
 
+_LARGER = (Scope.SITE, Scope.COMMON, Scope.CAPABILITY)  # faults that have members
 _NO_FLEET_CAPABILITIES = {
     metrics.FLEET_CAPABILITY_STATE.name: b"",
     metrics.FLEET_CAPABILITY_ROBOTS.name: b"",
@@ -257,10 +256,24 @@ class Exposition:
                 notified=notified,
                 parts=parts,
             ),
+            metrics.FAULT_MEMBER.name: self._members(faults),
             metrics.SITE_RECEIVED.name: self._received(),
             **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
             metrics.DOWNTIME_ROBOTS.name: self._downtimes(),
         }
+
+    def _members(self, faults: Iterable[Fault]) -> bytes:
+        """Of each larger fault the robots, or components of them, that it is about."""
+        fleet, name = self._state.fleet, metrics.FAULT_MEMBER.name
+        samples = []
+        for fault in faults:
+            if fault.identity.scope in _LARGER:
+                id_ = fault_id(fleet.name, fleet.exporter, fault.identity)
+                labels = {"fleet": fleet.name, "exporter": fleet.exporter, "fault": id_}
+                for robot, component in self._state.members(fault):
+                    member = {"robot": robot, **component._asdict()}
+                    samples.append(f"{name}{{{label_pairs(labels | member)}}} 1\n")
+        return "".join(samples).encode()
 
     def _fleet_capabilities(self) -> dict[str, bytes]:
         """What the fleet can do, and how many robots of each capability can."""

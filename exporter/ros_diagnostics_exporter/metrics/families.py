@@ -332,19 +332,20 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time); present from its confirmation to its end, "
-    "after a restart from when it is confirmed anew.",
-    FAULT,
+    "When the trouble of a fault began (Unix time), with what was known when it was confirmed, in "
+    "lines of at most 512 characters together, and what the robot can no longer do; present from "
+    "its confirmation to its end, after a restart from when it is confirmed anew.",
+    (*FAULT, "evidence", "work"),
     open=True,
     part=Part.FAULTS,
 )
-FAULT_INFO = _family(
-    "fault_info",
+
+FAULT_MEMBER = _family(
+    "fault_member",
     "gauge",
-    "1 for every fault, with what was known when it was confirmed, in lines of at most 512 "
-    "characters together, and what the robot can no longer do.",
-    (*FAULT, "evidence", "work"),
-    open=True,
+    "1 for each robot that a silent site or a fleet's capability is about, and for each component "
+    "of a robot that is one of many with a common cause, or keeps a capability from being OK.",
+    (*EXPORTER, "fault", "robot", "group", "component"),
     part=Part.FAULTS,
 )
 
@@ -380,7 +381,7 @@ FAULT_END = _family(
 
 FAULT_FAMILIES = (
     FAULT_START,
-    FAULT_INFO,
+    FAULT_MEMBER,
     FAULT_END,
     SITE_RECEIVED,
     FLEET_CAPABILITY_STATE,

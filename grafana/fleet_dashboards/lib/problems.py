@@ -107,7 +107,7 @@ def _soft(matchers: str, covered: str) -> str:
     component = f"""
     {components}
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
-    unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common"}}
+    unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common|capability"}}
     and on (fleet, robot) ({received})
 {covered}
 """

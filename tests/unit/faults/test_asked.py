@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
@@ -16,6 +18,8 @@ from support.fault_histories import (
     WARN,
     Event,
     FleetChange,
+    Player,
+    back,
     level,
     levels,
     maintenance,
@@ -24,6 +28,7 @@ from support.fault_histories import (
     silent,
     texts,
     together,
+    words,
 )
 
 ROBOTS = ("r1", "r2", "r3", "r4")
@@ -130,3 +135,55 @@ def test_rows_that_cannot_be_restored_are_named_and_the_others_kept(stored, wron
 def test_a_time_is_within_its_limits(moment, is_valid):
     rows, text = parse([("fleet", [], {**FLEET_ROW[2], "settled_at": moment})])
     assert (bool(rows), bool(text)) == (is_valid, not is_valid)
+
+
+def members_of(asked: Player) -> dict[str, list[str]]:
+    """The members of each fault that has some, by its words."""
+    found = {
+        words(fault.identity): sorted(
+            " ".join(filter(None, (robot, *component)))
+            for robot, component in asked.faults.members(fault.identity)
+        )
+        for fault in asked.faults.faults()
+    }
+    return {fault: members for fault, members in found.items() if members}
+
+
+def test_a_silent_site_and_a_common_fault_have_just_the_robots_that_they_count_as_members():
+    """What is STALE because its robot is silent is not what the others have in common."""
+    camera = partial(levels, ["camera"], group="/front")
+    robots = [f"r{n}" for n in range(12)]
+    last = player(robots, FaultSettings())
+    last.go(0, together(*(silent(robot) for robot in robots[:6])))
+    last.go(20, together(*(camera(ERROR, robot) for robot in robots[6:11])))
+    last.go(40)
+    site, common = "site/silent", "common/critical camera"
+    assert members_of(last) == {
+        site: robots[:6],
+        common: sorted(f"{robot} /front camera" for robot in robots[6:11]),
+    }
+
+    last.go(50, camera(OK, "r6"), back("r0"))
+    last.go(60, silent("r9"))  # it was CRITICAL when it was last received
+    assert members_of(last) == {
+        site: [*robots[1:6], "r9"],
+        common: sorted(f"{robot} /front camera" for robot in robots[7:11]),
+    }
+
+
+def test_a_capability_has_the_parts_that_keep_it_from_being_ok_as_members():
+    last = player(ROBOTS, FaultSettings())
+    last.go(0, configured(*(levels(["upper", "lower"], ERROR, robot) for robot in ROBOTS[:3])))
+    last.go(20)
+    fleet, view = "capability/lost transport", "capability/lost {} view"
+    assert members_of(last) == {
+        view.format("r1"): ["r1 lower", "r1 upper"],
+        view.format("r2"): ["r2 lower", "r2 upper"],
+        view.format("r3"): ["r3 lower", "r3 upper"],
+        fleet: ["r1", "r2", "r3"],
+        "capability/lost production": ["r1", "r2", "r3"],
+    }
+
+    last.go(30, levels(["upper", "lower"], OK))
+    last.go(50)
+    assert view.format("r1") not in members_of(last)

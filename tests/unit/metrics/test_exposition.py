@@ -225,7 +225,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_stale_after_seconds": [2],
         "component_value": [3, 21.5],
         "component_value_threshold": [22],
-        "fault_info": [1],
+        "fault_member": [1],
         "fault_start_timestamp_seconds": [begin + 1],
         "group_level": [0],
         "robot_expected_nodes": [0],
@@ -481,7 +481,8 @@ def test_what_alerts_on_faults_need_is_a_part():
     found = families_of(driver.exposition.render(parts={Part.FAULTS}))
     found |= families_of(self_metrics(driver).render(parts={Part.FAULTS}))
     assert {name.removeprefix(metrics.PREFIX) for name in found} == {
-        *("fault_start_timestamp_seconds", "fault_info", "component_problem_level"),
+        *("fault_start_timestamp_seconds", "fault_member"),
+        "component_problem_level",
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
         *("robot_info", "robot_stale_is_critical", "site_received_robots"),
         "canary_start_timestamp_seconds",

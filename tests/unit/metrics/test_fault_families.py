@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')
-START, INFO = "fault_start_timestamp_seconds", "fault_info"
+START = "fault_start_timestamp_seconds"
 FAULT = fault_id("f", "", Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor"))
 
 
@@ -49,12 +49,11 @@ def test_a_fault_is_there_from_its_confirmation_to_its_end():
     driver.raw_every(1, 32, HOT)
     identity = {"fleet": "f", "scope": "component", "state": "critical", "robot": "r"}
     identity |= {"component": "Motor", "severity": "critical", "fault": FAULT}
+    identity |= {"evidence": 'Hot "92"'}
     assert driver.samples()[START] == {tuple(sorted(identity.items())): WALL + 20}
-    evidence = identity | {"evidence": 'Hot "92"'}
-    assert driver.samples()[INFO] == {tuple(sorted(evidence.items())): 1}
 
     driver.raw(MOTOR)
-    assert not {START, INFO} & driver.samples().keys()
+    assert START not in driver.samples()
 
 
 def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_an_exporter():
@@ -75,16 +74,15 @@ def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_a
 
 
 @pytest.mark.parametrize("exporter", ["", "berlin"])
-def test_both_families_have_the_same_labels_but_for_the_evidence(exporter):
+def test_the_labels_of_a_robot_do_not_replace_those_of_its_fault(exporter):
     own = {"site": "hall", "team": "blue", "evidence": "mine", "severity": "mine"}
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels=own)
     driver = StateDriver(fleet=Fleet("f", (robot,), exporter=exporter))
     driver.raw_every(1, 20, MOTOR)
     driver.raw_every(1, 40, HOT)
 
-    [start], [info] = (map(dict, driver.samples()[name]) for name in (START, INFO))
-    assert info.pop("evidence") == 'Hot "92"'
-    assert start == info
+    [start] = map(dict, driver.samples()[START])
+    assert (start["evidence"], start["severity"]) == ('Hot "92"', "critical")
     assert set(start) - {"team"} <= set(metrics.FAULT_START.labels)
     assert (start.get("exporter", ""), start["team"]) == (exporter, "blue")
 
@@ -107,8 +105,7 @@ def test_both_families_have_the_same_labels_but_for_the_evidence(exporter):
 )
 def test_every_fault_has_its_severity(identity, expected):
     texts = FaultText().render("f", "", [Fault(identity, 1.0, 2.0, {})])
-    for family in (metrics.FAULT_START, metrics.FAULT_INFO):
-        assert f'severity="{expected}"' in texts[family.name].decode()
+    assert f'severity="{expected}"' in texts[metrics.FAULT_START.name].decode()
 
 
 def test_a_fault_keeps_the_robots_labels_of_when_it_began_and_its_identity():
@@ -199,8 +196,7 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
     shared = {"fleet", "exporter", "fault", "scope", "state", "severity"}
     shared |= {"robot", "component", "team"}
     for family, own in (
-        (metrics.FAULT_START, set()),
-        (metrics.FAULT_INFO, {"evidence", "work"}),
+        (metrics.FAULT_START, {"evidence", "work"}),
         (metrics.FAULT_END, {"reason", "evidence"}),
         (metrics.FAULT_ACKNOWLEDGED, {"author", "comment"}),
         (metrics.FAULT_NOTIFIED, {"receiver"}),
@@ -209,3 +205,21 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
         assert set(re.findall('([a-z]+)="', sample)) == shared | own
         assert shared | own <= {*family.labels, "team"}
         assert family.open
+
+
+def test_a_fault_of_many_robots_names_its_members_by_its_id():
+    robots = [
+        Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": "hall"})
+        for n in range(6)
+    ]
+    driver = StateDriver(fleet=Fleet("f", tuple(robots), exporter="e"))
+    for second in range(20):
+        driver.at(second)
+        for robot in robots:
+            broken = robot.name != "r5" and second > 2
+            driver._receive(robot.topic_raw, (HOT if broken else MOTOR,), 0.0)
+    members = driver.samples()["fault_member"]
+    [fault] = {dict(each)["fault"] for each in members}
+    assert {dict(each)["robot"] for each in members} == {"r0", "r1", "r2", "r3", "r4"}
+    assert {dict(each)["component"] for each in members} == {"Motor"}
+    assert driver.sample(START, fault=fault, scope="common") is not None

@@ -39,13 +39,13 @@ INPUT = {
     f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': MESSAGE,
     f"ros_diagnostics_component_changes_total{{{MOTOR}}}": "0x59 1x59 2x119 3x180",
     f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': "20x420",
-    f"ros_diagnostics_fault_start_timestamp_seconds{{{FAULT}}}": "_x60 600x59 stale _x119 2400x180",
-    f'ros_diagnostics_fault_info{{{FAULT}, evidence="hot"}}': "_x60 1x59 stale _x119 1x180",
+    f'ros_diagnostics_fault_start_timestamp_seconds{{{FAULT}, evidence="hot"}}': (
+        "_x60 600x59 stale _x119 2400x180"
+    ),
     f'ros_diagnostics_fault_end_timestamp_seconds{{{FAULT}, reason="recovered"}}': (
         "_x120 1200x119 stale"
     ),
-    f"ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}}}": "_x300 3000x120",
-    f'ros_diagnostics_fault_info{{{SILENT}, evidence="silent"}}': "_x300 1x120",
+    f'ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}, evidence="silent"}}': "_x300 3000x120",
 }
 # What availability.yml records of two hours: it is asked for as it is, because promtool evaluates
 # all rules at one interval, and these have one of their own.
