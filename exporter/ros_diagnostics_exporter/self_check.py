@@ -92,7 +92,7 @@ class SelfCheck:
     def _unmatched(self, now: Instant) -> OwnReport:
         found = [str(each) for each in self._exporter.state.unmatched.entries]
         is_known = bool(found) or now.mono - self._started.mono > _MATCHED
-        why = f"{len(found)} match nothing, and are not in force: {_named(found)}"
+        why = f"{len(found)} are not in force: {_named(found)}"
         return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
 
     def _robots(self, now: Instant) -> OwnReport:

@@ -113,7 +113,7 @@ _NO_UNIT_BEHIND_A_KEY = frozenset(
 @lru_cache(maxsize=4096)
 def canonical_unit(text: str) -> str | None:
     """The label's spelling of a unit as a driver wrote it; None if it is no known unit."""
-    return _CANONICAL.get(text.strip())
+    return _CANONICAL.get(text.strip()) or _CANONICAL.get(_in_brackets(text.strip()))
 
 
 def unit_in_name(name: str) -> str:

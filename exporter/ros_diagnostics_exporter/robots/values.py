@@ -35,8 +35,10 @@ class Number(NamedTuple):
     value: float
 
 
+# A comma with three digits behind it may be one of thousands: 1,234.
+_COMMA = r"0,[0-9]+|[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})"
 _NUMBER = re.compile(
-    r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    rf"([+-]?(?:(?:{_COMMA})(?![0-9,])|[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"(?: ?([^0-9 ].{0,15}))?"  # what stands behind it, perhaps a unit
 )
 # What most drivers write: neither a unit nor anything that could be misread, so `float` reads it.
@@ -59,12 +61,14 @@ _IDENTIFIER = re.compile(
 _MAX_DIGITS = 15
 
 
-def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
+def parse_numbers(key: str, text: str, *, is_judged: bool = False) -> tuple[Number, ...]:
     """All numbers in one key-value: none, one, or one for each element of a list.
 
     Args:
         key: diagnostic_msgs/KeyValue.key as published.
         text: diagnostic_msgs/KeyValue.value as published.
+        is_judged: Whether fleet.yml has thresholds for it: then "9,5" is one number without a unit
+            too, and not perhaps a list of two.
     """
     describe = _describe if len(key) <= _MAX_CACHED_KEY else _describe.__wrapped__
     name, key_unit, is_identifier = describe(key)
@@ -73,8 +77,8 @@ def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     text = text.strip(" \t\r\n")
     found = _scalar(text)
     if found is not None:
-        number, unit = found
-        return (Number(name, unit or key_unit, number),)
+        number, unit = found[0], found[1] or key_unit
+        return (Number(name, unit, number),) if unit or is_judged or "," not in text else ()
     brackets = _LIST.fullmatch(text)
     if brackets is None:
         return ()
@@ -109,7 +113,7 @@ def _scalar(text: str) -> tuple[float, str] | None:
     match = _NUMBER.fullmatch(text)
     if match is None:
         return _word(text)
-    digits, suffix = match[1], match[2]
+    digits, suffix = match[1].replace(",", "."), match[2]
     unit = ""
     if suffix is not None:
         unit = canonical_unit(suffix) or ""
@@ -243,9 +247,26 @@ class ComponentValues:
         return self._all
 
     @property
+    def judges(self) -> bool:
+        """Whether the config has a rule for any of them."""
+        return self._find_rule is not None
+
+    @property
     def beyond(self) -> bool:
         """Whether a number is beyond a threshold."""
         return self._find_rule is not None and any(value.beyond for value in self.all)
+
+    def rule_of(self, key: str) -> ValueRule | None:
+        """The config's rule for a key of the last update."""
+        return self._rules.get(key)
+
+    def would_be_beyond(self, pairs: Pairs) -> bool:
+        """Whether a number of other key-values would be beyond a threshold."""
+        return any(
+            ExportedValue(key, unit, number, rule=self._rules.get(pair[0])).beyond
+            for pair in pairs
+            for key, unit, number in self._read(*pair)
+        )
 
     def update(self, pairs: Pairs) -> bool:
         """Take the key-values of a new status; True if a number changed that may be judged."""
@@ -387,13 +408,7 @@ class ComponentValues:
         rule = None if self._find_rule is None else self._rule(key)
         if rule is None:
             return parse_numbers(key, text)
-        if not rule.keep:
-            return ()
-        if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
-            found: tuple[Number, ...] = (Number(key.strip(), "", number),)
-        else:
-            found = parse_numbers(key, text)
-        return tuple(_apply(rule, number) for number in found)
+        return read_by(rule, key, text)
 
     def _rule(self, key: str) -> ValueRule | None:
         if key not in self._rules and self._find_rule is not None:
@@ -437,6 +452,16 @@ class ComponentValues:
         return self._units.setdefault(key, number.unit)
 
 
-def _apply(rule: ValueRule, number: Number) -> Number:
-    unit = number.unit if rule.unit is None else rule.unit
-    return Number(number.key, unit, number.value * rule.scale + rule.offset)
+def read_by(rule: ValueRule, key: str, text: str) -> tuple[Number, ...]:
+    """All numbers in one key-value that a rule of fleet.yml selects."""
+    if not rule.keep:
+        return ()
+    if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
+        found: tuple[Number, ...] = (Number(key.strip(), "", number),)
+    else:
+        found = parse_numbers(key, text, is_judged=bool(rule.thresholds))
+    unit = rule.unit
+    return tuple(
+        Number(each.key, each.unit if unit is None else unit, each.value * rule.scale + rule.offset)
+        for each in found
+    )
