@@ -278,8 +278,8 @@ class ComponentRecord(Subject):
 class Trend:
     """A value that is not to fall to its ``threshold``: its latest number, and samples of it.
 
-    ``most`` is the worst verdict that it may have now, ``settings`` those of its component, ``step``
-    the seconds between two samples.
+    ``most`` is the worst verdict that it may have now, ``settings`` are those of its component,
+    ``step`` the seconds between two samples.
     """
 
     number: float = 0.0

@@ -154,7 +154,8 @@ FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for i
 class ExportedValue:
     """One number as it is exported; ``metric`` is the name that the config gives it, or None.
 
-    ``rejected``: it has another unit than at first and is not exported.
+    ``rejected``: it has another unit than at first and is not exported. ``plain``: a text without a
+    unit changes nothing but the number.
     """
 
     key: str
@@ -163,6 +164,7 @@ class ExportedValue:
     metric: str | None = None
     rule: ValueRule | None = None
     rejected: bool = False
+    plain: bool = False
 
     @property
     def series(self) -> int:
@@ -198,7 +200,6 @@ class ComponentValues:
         "_marks",
         "_pairs",
         "_parsed",
-        "_plain",
         "_reject",
         "_rows",
         "_rules",
@@ -223,10 +224,8 @@ class ComponentValues:
         ``judged`` whether it may ask at any moment what they are.
         """
         self._all: list[ExportedValue] = []
-        # for each key-value the number that a text without a unit sets; None where more is to do
-        self._plain: list[ExportedValue | None] = []
-        # for each of the other key-values its numbers; None for one that a limit rejects
-        self._rows: dict[int, list[ExportedValue | None]] = {}
+        # for each key-value its numbers; None for one that a limit rejects
+        self._rows: list[list[ExportedValue | None]] = []
         self._series = 0  # series
         self._pairs: Pairs = ()  # of the last status
         self._keys: tuple[str, ...] = ()  # of those that were parsed last
@@ -287,7 +286,7 @@ class ComponentValues:
         """Remove the numbers and their series, but not their units."""
         self._series_limit.remove(self._series)
         self._series = 0
-        self._all, self._plain, self._rows = [], [], {}
+        self._all, self._rows = [], []
         self._pairs, self._keys, self._parsed = (), (), True
 
     def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
@@ -297,16 +296,16 @@ class ComponentValues:
         """
         changed = False
         if len(self._keys) == len(pairs):
-            for row, (key, pair, plain) in enumerate(
-                zip(self._keys, pairs, self._plain, strict=True)
-            ):
+            for row, (key, pair) in enumerate(zip(self._keys, pairs, strict=True)):
                 if old and old[row] == pair:
                     continue
                 if key != pair[0]:
                     break
-                if plain is not None and is_plain(pair[1]):
-                    plain.number = float(pair[1])
-                elif not self._update_row(row, pair):
+                slots = self._rows[row]
+                value = slots[0] if len(slots) == 1 else None
+                if value is not None and value.plain and is_plain(pair[1]):
+                    value.number = float(pair[1])
+                elif not self._update_row(slots, pair):
                     break
                 changed = True
             else:
@@ -324,17 +323,12 @@ class ComponentValues:
             return [[] for _pair in pairs]
         self.parse()
         return [
-            [value for value in self._numbers(row) if value is not None and not value.rejected]
-            for row in range(len(pairs))
+            [value for value in slots if value is not None and not value.rejected]
+            for slots in self._rows
         ]
 
-    def _numbers(self, row: int) -> list[ExportedValue | None]:
-        plain = self._plain[row]
-        return self._rows[row] if plain is None else [plain]
-
-    def _update_row(self, row: int, pair: tuple[str, str]) -> bool:
+    def _update_row(self, slots: list[ExportedValue | None], pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value; False if how many, or a unit, changed."""
-        slots = self._numbers(row)
         if slots == [None] and self._is_list_beyond(pair):
             return True
         found = self._read(*pair)
@@ -369,26 +363,18 @@ class ComponentValues:
         self._pairs = kept
         self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
-        for row, pair in enumerate(pairs):
-            numbers = self._add_all(pair, taken)
-            plain = self._plain_value(pair[0], numbers)
-            self._plain.append(plain)
-            if plain is None:
-                self._rows[row] = numbers
+        self._rows = [self._add_all(pair, taken) for pair in pairs]
 
     def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
         if self._is_list_beyond(pair):
             return [None]
         found = self._read(*pair)
         rule = self._rules.get(pair[0])
-        return [self._add(number, rule, taken) for number in found]
-
-    def _plain_value(self, key: str, numbers: list[ExportedValue | None]) -> ExportedValue | None:
-        """The number of a key-value of which a text without a unit changes nothing else."""
-        value = numbers[0] if len(numbers) == 1 else None
-        if value is None or value.rejected or self._rules.get(key) is not None:
-            return None
-        return value if [each.unit for each in parse_numbers(key, "1")] == [value.unit] else None
+        numbers = [self._add(number, rule, taken) for number in found]
+        for value in numbers if rule is None and len(numbers) == 1 else ():
+            if value is not None and not value.rejected:
+                value.plain = value.unit == unit_in_name(found[0].key)
+        return numbers
 
     def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
         """Count a list that a limit rejects: parsing it would cost as much as 32 numbers."""

@@ -160,7 +160,7 @@ def test_the_forecast_is_that_of_the_line_through_the_samples():
 
 @pytest.mark.parametrize("others", [(10,), (3, 12), range(18)])
 def test_what_is_no_number_erases_nothing(others):
-    """As long as more than half of the samples are numbers: of 16 there are nine after minute 27."""
+    """As long as more than half of the samples are: nine of 16 after minute 27."""
     numbers = drain(60.5, 40)
     for minute in others:
         numbers[minute] = float("nan")
