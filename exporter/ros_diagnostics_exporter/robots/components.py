@@ -6,6 +6,7 @@ Every change of a level passes here, whether an array, silence or the config cau
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from math import inf
 
 from ros_diagnostics_exporter import durations
@@ -37,6 +38,7 @@ MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 SHADOWED = "shadow mode (graph in fleet.yml)"  # why what a shadow shows is no fault
 
 
+@dataclass(eq=False, repr=False)
 class Components:
     """The components of one robot by their identity.
 
@@ -46,34 +48,27 @@ class Components:
     name, which it then keeps.
     """
 
-    def __init__(
-        self,
-        profile: config.Profile,
-        limits: config.Limits,
-        *,
-        series: SeriesLimit,
-        marks: Marks[Component],
-        reject: Reject,
-        changed: Callable[[Component, int, Instant], None],
-    ) -> None:
-        self.by_identity: dict[Identity, Component] = {}
-        self._profile = profile
-        self._limits = limits
-        self._series = series
+    _profile: config.Profile
+    _limits: config.Limits
+    _series: SeriesLimit
+    _marks: Marks[Component]
+    _reject: Reject
+    _changed: Callable[[Component, int, Instant], None]
+    by_identity: dict[Identity, Component] = field(default_factory=dict)
+    split_names: set[str] = field(default_factory=set)
+    has_fault: Callable[[Component], bool] = lambda _component: False
+    next_late: float = inf  # until when none of a robot that is up can be, monotonic
+    _key_values: int = 0  # of all components
+    # labels by group, see `unique_name`
+    _taken: dict[str, dict[str, int]] = field(default_factory=dict)
+    _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
+    _is_received: bool = False  # its robot
+    _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
+    _checked_at: int = -1  # the last change that `_checked` is made of
+
+    def __post_init__(self) -> None:
         # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
-        self._value_series = SeriesLimit(limits.robot_series, series)
-        self._key_values = 0  # of all components
-        self._marks = marks
-        self._reject = reject
-        self._changed = changed
-        self._taken: dict[str, dict[str, int]] = {}  # labels by group, see `unique_name`
-        self.split_names: set[str] = set()
-        self.has_fault: Callable[[Component], bool] = lambda _component: False
-        self._waiting: dict[Component, str] = {}  # for another name, in this group
-        self._is_received = False  # its robot
-        self.next_late = inf  # until when none of a robot that is up can be, monotonic
-        self._checked: list[tuple[str, list[Component]]] = []
-        self._checked_at = -1  # the last change that `_checked` is made of
+        self._value_series = SeriesLimit(self._limits.robot_series, self._series)
 
     def __iter__(self) -> Iterator[Component]:
         """All components, in the order in which they were added."""

@@ -171,12 +171,7 @@ class RobotState:
         self._events = events
         self._first_raw: float | None = None
         self.components = Components(
-            settings.profile,
-            limits,
-            series=series,
-            marks=self.marks,
-            reject=self.reject,
-            changed=self._record_level,
+            settings.profile, limits, series, self.marks, self.reject, self._record_level
         )
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)

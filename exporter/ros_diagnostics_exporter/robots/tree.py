@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.config import fleet as config
@@ -62,24 +63,25 @@ class Structure(NamedTuple):
     groups: tuple[tuple[int, str], ...] = ()
 
 
+@dataclass(eq=False, repr=False)
 class AggregatedUpdates:
     """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
 
-    def __init__(
-        self, components: Components, marks: Marks[Component], limits: config.Limits, reject: Reject
-    ) -> None:
-        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
-        self._components = components
-        self._marks = marks
-        self._limits = limits
-        self._reject = reject
+    _components: Components
+    _marks: Marks[Component]
+    _limits: config.Limits
+    _reject: Reject
+    # path -> (level, message) as reported
+    groups: dict[str, tuple[int, str]] = field(default_factory=dict)
+    _structure: Structure | None = None
+    _planned_at: int = -1  # the last change that the plan is made of
+    _plan: list[tuple[Component, tuple[int, ...]]] = field(default_factory=list)
+    _missing: list[Component] = field(default_factory=list)
+    _paths: dict[Component, str] = field(default_factory=dict)  # of the row that it had last
+    _group_rows: list[tuple[int, str]] = field(default_factory=list)  # with the label of each
+
+    def __post_init__(self) -> None:
         self._reader = TreeReader()
-        self._structure: Structure | None = None
-        self._planned_at = -1  # the last change that the plan is made of
-        self._plan: list[tuple[Component, tuple[int, ...]]] = []
-        self._missing: list[Component] = []
-        self._paths: dict[Component, str] = {}  # of the row of each, when it was last listed
-        self._group_rows: list[tuple[int, str]] = []  # with the label of each
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -183,61 +183,34 @@ class ExportedValue:
         ]
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class ComponentValues:
     """The numbers in the key-values of one component.
 
     As long as the keys, and how many numbers each has, stay, an update only sets numbers. Numbers
     that the config judges are parsed at once, all others when they are read: a robot sends ten
     times and more before it is scraped again.
+
+    ``limits`` are the values of a component and the characters of a key. ``find_rule`` is None
+    where the config has no rule for any value of this component, ``judged`` whether it may ask at
+    any moment what they are.
     """
 
-    __slots__ = (
-        "_all",
-        "_find_rule",
-        "_judged",
-        "_keys",
-        "_limits",
-        "_marks",
-        "_pairs",
-        "_parsed",
-        "_reject",
-        "_rows",
-        "_rules",
-        "_series",
-        "_series_limit",
-        "_units",
-    )
-
-    def __init__(
-        self,
-        find_rule: FindRule | None,
-        limits: tuple[int, int],
-        series_limit: SeriesLimit,
-        reject: Reject,
-        marks: Marks[Any],
-        *,
-        judged: bool,
-    ) -> None:
-        """``limits`` are the values of a component and the characters of a key.
-
-        ``find_rule`` is None where the config has no rule for any value of this component,
-        ``judged`` whether it may ask at any moment what they are.
-        """
-        self._all: list[ExportedValue] = []
-        # for each key-value its numbers; None for one that a limit rejects
-        self._rows: list[list[ExportedValue | None]] = []
-        self._series = 0  # series
-        self._pairs: Pairs = ()  # of the last status
-        self._keys: tuple[str, ...] = ()  # of those that were parsed last
-        self._parsed = True
-        self._units: dict[str, str] = {}
-        self._find_rule = find_rule
-        self._rules: dict[str, ValueRule | None] = {}
-        self._limits = limits
-        self._series_limit = series_limit
-        self._reject = reject
-        self._marks = marks
-        self._judged = judged
+    find_rule: FindRule | None
+    limits: tuple[int, int]
+    series_limit: SeriesLimit
+    reject: Reject
+    marks: Marks[Any]
+    judged: bool
+    _all: list[ExportedValue] = field(default_factory=list)
+    # for each key-value its numbers; None for one that a limit rejects
+    _rows: list[list[ExportedValue | None]] = field(default_factory=list)
+    _series: int = 0
+    _pairs: Pairs = ()  # of the last status
+    _keys: tuple[str, ...] = ()  # of those that were parsed last
+    _parsed: bool = True
+    _units: dict[str, str] = field(default_factory=dict)
+    _rules: dict[str, ValueRule | None] = field(default_factory=dict)
 
     @property
     def all(self) -> list[ExportedValue]:
@@ -248,12 +221,12 @@ class ComponentValues:
     @property
     def judges(self) -> bool:
         """Whether the config has a rule for any of them."""
-        return self._find_rule is not None
+        return self.find_rule is not None
 
     @property
     def beyond(self) -> bool:
         """Whether a number is beyond a threshold."""
-        return self._find_rule is not None and any(value.beyond for value in self.all)
+        return self.find_rule is not None and any(value.beyond for value in self.all)
 
     def rule_of(self, key: str) -> ValueRule | None:
         """The config's rule for a key of the last update."""
@@ -269,11 +242,11 @@ class ComponentValues:
 
     def update(self, pairs: Pairs) -> bool:
         """Take the key-values of a new status; True if a number changed that may be judged."""
-        if self._judged:
+        if self.judged:
             old, self._pairs = self._pairs, tuple(pairs)
             return self._set(self._pairs, old)
         self._pairs, self._parsed = pairs, False
-        self._marks.note(Mark.NUMBER)
+        self.marks.note(Mark.NUMBER)
         return False
 
     def parse(self) -> None:
@@ -284,7 +257,7 @@ class ComponentValues:
 
     def clear(self) -> None:
         """Remove the numbers and their series, but not their units."""
-        self._series_limit.remove(self._series)
+        self.series_limit.remove(self._series)
         self._series = 0
         self._all, self._rows = [], []
         self._pairs, self._keys, self._parsed = (), (), True
@@ -311,7 +284,7 @@ class ComponentValues:
             else:
                 return changed
         self._rebuild(pairs)
-        self._marks.note(Mark.SERIES)
+        self.marks.note(Mark.SERIES)
         return True
 
     def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
@@ -354,7 +327,7 @@ class ComponentValues:
         else:
             reason = "unit_changed" if number.unit != value.unit else None
         if reason is not None:
-            self._reject(reason, number.key)
+            self.reject(reason, number.key)
         return reason is not None
 
     def _rebuild(self, pairs: Pairs) -> None:
@@ -381,26 +354,26 @@ class ComponentValues:
         key, text = pair
         reason = self._limit() if text.lstrip()[:1] in ("[", "(") else None
         if reason is not None:
-            self._reject(reason, key)
+            self.reject(reason, key)
         return reason is not None
 
     def _limit(self) -> RejectionReason | None:
         """The limit that rejects one more number, if there is one."""
-        if len(self._all) >= self._limits[0]:
+        if len(self._all) >= self.limits[0]:
             return "value_limit"
-        return self._series_limit.exceeded_by(1)
+        return self.series_limit.exceeded_by(1)
 
     def _read(self, key: str, text: str) -> tuple[Number, ...]:
-        rule = None if self._find_rule is None else self._rule(key)
+        rule = None if self.find_rule is None else self._rule(key)
         if rule is None:
             return parse_numbers(key, text)
         return read_by(rule, key, text)
 
     def _rule(self, key: str) -> ValueRule | None:
-        if key not in self._rules and self._find_rule is not None:
-            if len(self._rules) >= 2 * self._limits[0]:
+        if key not in self._rules and self.find_rule is not None:
+            if len(self._rules) >= 2 * self.limits[0]:
                 self._rules.clear()  # a robot that invents keys without end
-            self._rules[key] = self._find_rule(key)
+            self._rules[key] = self.find_rule(key)
         return self._rules.get(key)
 
     def _add(
@@ -412,18 +385,18 @@ class ComponentValues:
         """
         reason = self._limit()
         if reason is not None:
-            self._reject(reason, number.key)
+            self.reject(reason, number.key)
             return None
-        key = unique_name(truncate(number.key, self._limits[1]), taken, "#")
+        key = unique_name(truncate(number.key, self.limits[1]), taken, "#")
         unit = self._unit(key, number)
         value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
         if unit != number.unit and math.isfinite(number.value):
             value.rejected = True
-            self._reject("unit_changed", key)
+            self.reject("unit_changed", key)
             return value
-        reason = self._series_limit.add(value.series)
+        reason = self.series_limit.add(value.series)
         if reason is not None:
-            self._reject(reason, key)
+            self.reject(reason, key)
             return None
         self._series += value.series
         self._all.append(value)
@@ -433,7 +406,7 @@ class ComponentValues:
         """The unit that the key had at first; "nan" and "inf" have none."""
         if not math.isfinite(number.value):
             return self._units.get(key, number.unit)
-        if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+        if key not in self._units and len(self._units) >= 2 * self.limits[0]:
             self._units.clear()  # a robot that invents keys without end
         return self._units.setdefault(key, number.unit)
 
