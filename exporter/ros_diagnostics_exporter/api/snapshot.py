@@ -349,7 +349,7 @@ def _component(
         ),
         "planned_stale": planned,
         "quiet_because": component.quiet_because,
-        "message": component.message,
+        "message": component.message if component.held is None else component.account,
         "level_since": component.since,
         "changes": component.changes,
         "flap_ratio": 0.0 if followed is None else followed.flap_ratio,

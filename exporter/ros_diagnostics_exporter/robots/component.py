@@ -234,10 +234,11 @@ class Component:
         level, since = self.level, self.since
         if self.resumes is not None:  # not received since the last start
             level, since = self.resumes
+        is_named = self.name == self.identity[0] or is_name_of(self.name, self.identity)
         return PersistedComponent(
             identity=self.identity,
             group=self.group,
-            name=None if is_name_of(self.name, self.identity) else self.name,
+            name=None if is_named else self.name,
             hardware_id=self.hardware_id,
             level=level,
             reported=self.published,

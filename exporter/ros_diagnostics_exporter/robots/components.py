@@ -150,6 +150,13 @@ class Components:
         self._rename(component, component.group)
         return component
 
+    def is_received_split(self, name: str) -> bool:
+        """Whether nodes were received that publish this name, each with a hardware_id."""
+        return name in self.split_names and any(
+            identity[0] == name and identity[2] and each.raw_received is not None
+            for identity, each in self.by_identity.items()
+        )
+
     def restore(self, persisted: PersistedComponent, now: Instant) -> Component | None:
         """Restore what an earlier process knew; None where a limit or the config rejects it."""
         name, _group, hardware_id = persisted.identity
@@ -179,7 +186,7 @@ class Components:
 
     def split_by_hardware_id(self, name: str, now: Instant) -> None:
         """Make a component of each name and hardware_id from now on."""
-        if len(self.split_names) < MAX_SPLIT_NAMES:
+        if name not in self.split_names and len(self.split_names) < MAX_SPLIT_NAMES:
             self.split_names.add(name)
             component = self.by_identity.get((name, "", ""))
             if component is not None and component.hardware_id:

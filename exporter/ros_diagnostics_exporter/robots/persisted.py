@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
@@ -59,12 +60,14 @@ class PersistedRobot:
         """What `ROBOT` reads."""
         return json.dumps(ROBOT.dump_python(self), ensure_ascii=False)
 
-    def seen_at(self, last_seen: float, latest: float = 1e11) -> PersistedRobot:
+    def seen_at(self, last_seen: float, latest: float = inf) -> PersistedRobot:
         """It, received later than when it was written: its components as long before that.
 
         Nothing of it is after ``latest``: the wall clock may have been set back meanwhile.
         """
         later = max(0.0, last_seen - self.last_seen) if self.last_seen else 0.0
+        if not later and latest == inf:
+            return self
         components = [each.shifted(later, latest) for each in self.components]
         return replace(self, last_seen=min(self.last_seen + later, latest), components=components)
 

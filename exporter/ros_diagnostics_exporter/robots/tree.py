@@ -127,7 +127,7 @@ class AggregatedUpdates:
         self._paths = {each: self._paths[each] for each in components if each in self._paths}
         former = self._find_former(structure, statuses)
         for leaf in structure.leaves:
-            if leaf.exact and leaf.component in components.split_names:
+            if leaf.exact and components.is_received_split(leaf.component):
                 continue  # several nodes' statuses, of which the aggregator has the latest
             known = former.get(leaf.identity)
             if known is None:

@@ -39,46 +39,42 @@ class _Suspect:
         return self.returns >= RETURNS
 
 
-class Twins:
-    """Which names of one robot several nodes publish."""
-
-    def __init__(self) -> None:
-        self._suspects: dict[str, _Suspect] = {}
-
-    def _suspect(self, name: str) -> _Suspect:
-        if len(self._suspects) >= MOST_NAMES:
-            self._suspects.clear()
-        return self._suspects.setdefault(name, _Suspect())
-
-    def are_by_id(self, former: Status, status: Status, now: Instant) -> bool:
-        """Whether the hardware_ids, of which another one came just now, are of several nodes."""
-        suspect = self._suspect(status.name)
-        suspect.left[former.hardware_id] = now.mono
-        last = suspect.left.pop(status.hardware_id, float("-inf"))
-        if len(suspect.left) > MOST_NAMES:
-            suspect.left.clear()
-        return now.mono - last <= STALE_AFTER_FIRST and suspect.note(now)
-
-    def are_by_number(self, component: Component, number: int, now: Instant) -> bool:
-        """Whether the numbers, of which one did not follow the last, are of several nodes.
-
-        A node that was started again begins anew, and does not go on where it was before.
-        """
-        suspect = self._suspect(component.identity[0])
-        if number < component.number:
-            suspect.high, component.goes_back = component.number, True
-            return False
-        if number > component.number and not suspect.high < number > component.number + 1:
-            return False
-        component.goes_back = False
-        return suspect.note(now)
+Suspects = dict[str, _Suspect]
 
 
-def counts(component: Component, status: Status, now: Instant) -> bool:
+def _suspect(suspects: Suspects, name: str) -> _Suspect:
+    if len(suspects) >= MOST_NAMES:
+        suspects.clear()
+    return suspects.setdefault(name, _Suspect())
+
+
+def are_by_id(suspects: Suspects, former: Status, status: Status, now: Instant) -> bool:
+    """Whether the hardware_ids, of which another one came just now, are of several nodes."""
+    suspect = _suspect(suspects, status.name)
+    if len(suspect.left) >= MOST_NAMES:
+        suspect.left.clear()
+    suspect.left[former.hardware_id] = now.mono
+    last = suspect.left.pop(status.hardware_id, float("-inf"))
+    return now.mono - last <= STALE_AFTER_FIRST and suspect.note(now)
+
+
+def are_by_number(suspects: Suspects, component: Component, number: int, now: Instant) -> bool:
+    """Whether the numbers, of which one did not follow the last, are of several nodes.
+
+    A node that was started again begins anew, and does not go on where it was before.
+    """
+    suspect = _suspect(suspects, component.identity[0])
+    if number < component.number:
+        suspect.high, component.goes_back = component.number, True
+        return False
+    if number > component.number and not suspect.high < number > component.number + 1:
+        return False
+    component.goes_back = False
+    return suspect.note(now)
+
+
+def counts(component: Component, held: Held, status: Status, now: Instant) -> bool:
     """Whether a status of several nodes counts: no worse one of another node does."""
-    held = component.held
-    if held is None:
-        return True
     last, new = _severity(component.reported), _severity(status.level)
     is_beyond = component.values.beyond and not component.values.would_be_beyond(status.values)
     if new > last or (new == last and not is_beyond):

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import Component, Held, Identity
+from ros_diagnostics_exporter.robots.component import STALE_AFTER_FIRST, Component, Held, Identity
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
-from ros_diagnostics_exporter.robots.twins import Twins, counts, worse
+from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
 from ros_diagnostics_exporter.sources.graph import GROUP
 
 _MARK = "query:"
@@ -86,7 +86,7 @@ class RawUpdates:
     def __init__(self, components: Components, reject: Reject) -> None:
         self._components = components
         self._reject = reject
-        self._twins = Twins()
+        self._suspects: Suspects = {}  # names that several nodes may publish
 
     def apply(self, statuses: Sequence[Status], now: Instant, number: int = 0) -> None:
         """Update the components from one array, which has this number of its publisher's."""
@@ -107,7 +107,7 @@ class RawUpdates:
                 component = components.get_or_add(self._identity(status), _node_of(name), now)
             if component is not None:
                 component.number = number
-                if component.held is None or counts(component, status, now):
+                if component.held is None or self._counts(component, status, now):
                     components.update_raw(component, status, now)
                 else:
                     self._reject("duplicate_component", name)
@@ -123,12 +123,18 @@ class RawUpdates:
         """The component of a status that may be another node's; None: it has none yet."""
         last = component.last
         if last is not None and last.hardware_id != status.hardware_id:
-            if self._twins.are_by_id(last, status, now):
+            if are_by_id(self._suspects, last, status, now):
                 self._components.split_by_hardware_id(status.name, now)
                 return self._components.by_identity.get(self._identity(status))
-        elif component.held is None and self._twins.are_by_number(component, number, now):
-            component.held = Held(now.mono, 0.0)
+        elif are_by_number(self._suspects, component, number, now):
+            component.held = component.held or Held(now.mono, 0.0)
         return component
+
+    def _counts(self, component: Component, status: Status, now: Instant) -> bool:
+        suspect = self._suspects.get(status.name)
+        if suspect is None or now.mono - suspect.at > STALE_AFTER_FIRST:
+            component.held = None  # it has been one node for long
+        return component.held is None or counts(component, component.held, status, now)
 
     def _worst_of_each(self, statuses: Sequence[Status], now: Instant) -> list[Status]:
         """The worst status of each component, for an array that has a name more than once.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -116,6 +117,8 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(num
     assert caplog.text.count("the worse counts") == 1
     nodes.stand(10, same, same)
     assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
+    nodes.stand(100, same, None)
+    assert component.account == "scanning"
 
 
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
@@ -136,6 +139,16 @@ def test_a_node_that_crashes_and_starts_again_and_again_is_one():
         nodes.stand(4, LEFT)
         nodes.numbers = [1]
     assert nodes.driver.component("lidar: Status").held is None
+
+
+def test_an_aggregator_in_place_of_them_has_a_component_of_their_name(tmp_path):
+    nodes = Nodes()
+    nodes.stand(30, LEFT, RIGHT)
+    (robot,) = nodes.driver.state.fleet.robots
+    fleet = replace(nodes.driver.state.fleet, robots=(replace(robot, source=Source.AGG),))
+    driver = nodes.driver.again(tmp_path / "state", fleet=fleet)
+    driver.agg_every(1, 20, *tree(Lidars=[LEFT]))
+    assert driver.level("lidar: Status") == OK
 
 
 def test_an_aggregator_beside_them_makes_no_third_component():
