@@ -200,7 +200,7 @@ def _status(name: str, level: int) -> DiagnosticStatus:
 def _receive(service: Service, queue: TopicQueue, decoder: Decoder, message: bytes) -> None:
     """What sources/reception.py does with the bytes of a message."""
     queue.put(message)
-    service.state.receive(TOPIC, decoder.decode(queue.get()), read_clocks())
+    service.state.receive(TOPIC, decoder.decode(*queue.get()), read_clocks())
 
 
 # -- the tables ------------------------------------------------------------------------------

@@ -52,13 +52,15 @@ class Array(NamedTuple):
     """One diagnostic_msgs/DiagnosticArray.
 
     ``stamp`` is header.stamp in seconds since the epoch (0.0 where the publisher left it out);
-    ``size`` is the length of the serialized message in bytes, ``raw`` that message.
+    ``size`` is the length of the serialized message in bytes, ``raw`` that message, ``number`` its
+    publisher's number of it, from 1 on (0 where the source does not say).
     """
 
     stamp: float
     statuses: tuple[Status, ...]
     size: int = 0
     raw: bytes = b""
+    number: int = 0
 
 
 class Feed(NamedTuple):

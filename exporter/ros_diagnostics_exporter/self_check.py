@@ -87,7 +87,7 @@ class SelfCheck:
         state = self._exporter.state  # without robots that is what is wrong
         found = [str(each) for each in state.unmatched.entries] if state.robots else []
         is_known = bool(found) or now.mono - self._started.mono > _MATCHED
-        why = f"{len(found)} match nothing, and are not in force: {_named(found)}"
+        why = f"{len(found)} are not in force: {_named(found)}"
         return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
 
     def _robots(self, now: Instant) -> OwnReport:

@@ -124,12 +124,14 @@ class StateDriver:
             if step % 60 == 0:
                 self.state.find_unmatched(self.now)
 
-    def _receive(self, topic: str, statuses: tuple[Status, ...], stamp: float) -> None:
-        array = Array(stamp, tuple(statuses), 100)
+    def _receive(
+        self, topic: str, statuses: tuple[Status, ...], stamp: float, number: int = 0
+    ) -> None:
+        array = Array(stamp, tuple(statuses), 100, number=number)
         self.state.receive(Topic(0, topic), array, self.now)
 
-    def raw(self, *statuses: Status, stamp: float = 0.0) -> None:
-        self._receive("/r/diagnostics", statuses, stamp)
+    def raw(self, *statuses: Status, stamp: float = 0.0, number: int = 0) -> None:
+        self._receive("/r/diagnostics", statuses, stamp, number)
 
     def agg(self, *statuses: Status) -> None:
         self._receive("/r/diagnostics_agg", statuses, 0.0)

@@ -343,14 +343,14 @@ def _component(
         "group": component.group,
         "hardware_id": component.hardware_id,
         "level": level,
-        "reported_level": Level(component.reported).name,
+        "reported_level": Level(2 if component.reported > 3 else component.reported).name,
         "level_before_stale": before,
         "state": component_state(
             level, before, stale_is_critical=stale_is_critical and not planned
         ),
         "planned_stale": planned,
         "quiet_because": component.quiet_because,
-        "message": component.message,
+        "message": component.message if component.held is None else component.account,
         "level_since": component.since,
         "changes": component.changes,
         "flap_ratio": 0.0 if followed is None else followed.flap_ratio,
@@ -370,8 +370,10 @@ def _values(component: Component) -> Iterator[dict[str, Any]]:
             "number": None if value is None else _finite(value.number),
             "unit": "" if value is None else value.unit,
         }
-        if value is not None and value.rule is not None and value.rule.thresholds:
-            shown["thresholds"] = _thresholds(value.rule)
+        is_unread = not numbers and not component.is_stale
+        rule = component.values.rule_of(key) if value is not None or is_unread else None
+        if rule is not None and rule.thresholds:
+            shown["thresholds"] = _thresholds(rule)
         yield shown
 
 

@@ -1,5 +1,6 @@
 """What a profile says of a kind of robot: its components, values, checks and times."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +15,7 @@ from ros_diagnostics_exporter.config.capabilities import Capability, Parts, shor
 from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
 from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
+from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described, nothing
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
 from ros_diagnostics_exporter.config.scalars import CapabilityName, Duration, Name, PositiveDuration
@@ -26,7 +27,28 @@ ALL = "all"  # the check that is always there
 # An entry has all the patterns of its key; `_one_each` makes of it rules that have one each.
 OneOfWords = Annotated[Pattern, Written(Words)]
 OneOfWildcards = Annotated[Pattern, Written(Wildcards)]
-LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]
+
+
+def _level(value: Any, others: str = "") -> int:
+    level = LEVELS.get(value.upper()) if isinstance(value, str) else None
+    if level is None:
+        what = f"{quoted(value)} is no level"
+        raise WrongValueError(what, f"use one of {', '.join(LEVELS)}{others}")
+    return level
+
+
+def _published_level(value: Any) -> int:
+    """The level of a name, or any number: drivers and aggregators have numbers of their own."""
+    is_byte = isinstance(value, str) and re.fullmatch("[0-9]{1,3}", value) and int(value) <= 255
+    return int(value) if is_byte else _level(value, " or a number to 255")
+
+
+_NAMES = "|".join("".join(f"[{each}{each.lower()}]" for each in name) for name in LEVELS)
+LevelWord = Annotated[int, Value(_level, "level", type="string", pattern=f"^({_NAMES})$")]
+PublishedLevel = Annotated[
+    int,
+    Value(_published_level, "level", type="string", pattern=f"^({_NAMES}|[0-9]{{1,3}})$"),
+]
 
 
 def _one_each(entries: Any, *attributes: str) -> Any:
@@ -63,13 +85,11 @@ class ComponentRule(Conditional, Entry, title="Component"):
     )
     levels: Annotated[
         Mapping[int, int],
-        Written(
-            dict[LevelWord, LevelWord],
-            lambda words: MappingProxyType({LEVELS[k]: LEVELS[v] for k, v in words.items()}),
-        ),
+        Written(dict[PublishedLevel, LevelWord], MappingProxyType),
     ] = described(
-        "The level that counts in place of the published one.",
-        example={"ERROR": "WARN"},
+        "The level that counts in place of the published one, which may be a number that ROS does "
+        "not know; without an entry that is ERROR.",
+        example={"ERROR": "WARN", "255": "OK"},
         default_factory=nothing,
     )
     reports: Literal["always", "on_change"] = described(

@@ -278,10 +278,12 @@ class ComponentRecord(Subject):
 class Trend:
     """A value that is not to fall to its ``threshold``: its latest number, and samples of it.
 
-    ``most`` is the worst verdict that it may have now, ``settings`` those of its component.
+    ``most`` is the worst verdict that it may have now, ``settings`` are those of its component,
+    ``step`` the seconds between two samples.
     """
 
     number: float = 0.0
+    step: float = 0.0
     threshold: Threshold = field(default_factory=lambda: Threshold("low", "critical", 0.0))
     most: Verdict = Verdict.FAILING
     settings: ComponentSettings = field(default_factory=ComponentSettings)

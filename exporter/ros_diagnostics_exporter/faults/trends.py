@@ -2,7 +2,8 @@
 
 A value with such a threshold is sampled at equal intervals, changed or not. The line through all
 samples, continued, is the forecast; nothing is known before there are as many as it needs, so that
-silence, STALE and a restart begin and end nothing.
+silence, STALE and a restart begin and end nothing. What is no number (NaN) is a sample that is
+missing.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def follow(
     """Take one value ``of`` a component of a robot that is up."""
     robot, name, settings = of
     threshold = next((each for each in report.thresholds if _is_followed(each)), None)
-    if threshold is None or report.number is None or isnan(report.number):
+    if threshold is None or report.number is None:
         robot.trends.pop((name, report.key), None)
         problem = _problem(robot, name, report.key)
         if problem is not None:
@@ -57,11 +58,15 @@ def follow(
 
 def sample(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Sample all that is followed of a robot, and judge it."""
+    step = _step(book)
     for (name, key), trend in robot.trends.items():
+        if trend.step != step:  # another config: the samples are of other moments
+            trend.step = step
+            trend.samples.clear()
         trend.samples.append(trend.number)
         _judge(book, (robot, name, key), trend, now)
     if robot.trends:
-        book.timers.set(("trends", robot), now.mono + _step(book))
+        book.timers.set(("trends", robot), now.mono + step)
 
 
 def drop(robot: RobotRecord, name: ComponentName) -> None:
@@ -72,11 +77,12 @@ def drop(robot: RobotRecord, name: ComponentName) -> None:
 
 def forecast(samples: deque[float], steps: float) -> float:
     """Where the least-squares line through samples at equal intervals is ``steps`` after them."""
-    middle = (len(samples) - 1) / 2
-    mean = sum(samples) / len(samples)
-    spread = sum((place - middle) ** 2 for place in range(len(samples)))
-    slope = sum((place - middle) * each for place, each in enumerate(samples)) / spread
-    return mean + slope * (middle + steps)
+    known = [(place, each) for place, each in enumerate(samples) if not isnan(each)]
+    middle = sum(place for place, _each in known) / len(known)
+    mean = sum(each for _place, each in known) / len(known)
+    spread = sum((place - middle) ** 2 for place, _each in known)
+    slope = sum((place - middle) * each for place, each in known) / spread
+    return mean + slope * (len(samples) - 1 - middle + steps)
 
 
 def _problem(robot: RobotRecord, name: ComponentName, key: str) -> Problem | None:
@@ -111,10 +117,12 @@ def _judge(
 
 def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:
     """Too low already is no end: that is another fault, and this one goes on under it."""
-    samples = trend.samples
+    samples, known = trend.samples, [each for each in trend.samples if not isnan(each)]
     if len(samples) <= TREND_STEPS or trend.threshold.is_beyond(trend.number):
         return Verdict.NO_DATA
-    if samples[-1] >= samples[0]:
+    if isnan(trend.number) or 2 * len(known) <= len(samples):
+        return Verdict.NO_DATA
+    if known[-1] >= known[0]:
         return Verdict.HEALTHY
     steps = book.settings.falling.ahead / _step(book)
     number, hysteresis = forecast(samples, steps), book.settings.value_hysteresis

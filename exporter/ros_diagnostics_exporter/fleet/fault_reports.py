@@ -292,6 +292,15 @@ class FaultReports:
         known = self._robots[name].name_of(component)
         return known is not None and self.engine.in_trouble(name, known)
 
+    def has_fault(self, robot: RobotState, component: Component) -> bool:
+        """Whether people know a component by a fault of it, or of a value of it."""
+        name = self._robots[robot.settings.name].name_of(component)
+        return name is not None and any(
+            each.identity.robot == robot.settings.name
+            and (each.identity.group, each.identity.component) == name
+            for each in self.engine.faults()
+        )
+
 
 def _is_part(reports: RobotReports, identity: Identity) -> bool:
     """Whether a fault of no robot counts this one."""

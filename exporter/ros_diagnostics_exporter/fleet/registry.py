@@ -158,6 +158,7 @@ class RobotRegistry:
         robot.update_maintenance(self._fleet, now)  # no scrape may show it without its downtime
         robot.record("known", now)
         self._faults.add(robot, now)
+        robot.components.has_fault = lambda component: self._faults.has_fault(robot, component)
         return robot
 
     def drop(self, robot: RobotState, now: Instant) -> None:
@@ -172,6 +173,7 @@ class RobotRegistry:
 
     def forget_absent(self, robot: RobotState, now: Instant) -> None:
         """Forget what is long absent, was OK and has no problem: components, then the robot."""
+        robot.components.rename_waiting()
         robot.forget_absent_components(now, lambda each: self._faults.keeps(robot, each))
         if robot.is_forgettable(now) and not self._faults.keeps(robot):
             self.drop(robot, now)

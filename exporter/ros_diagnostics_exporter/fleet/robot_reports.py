@@ -29,7 +29,7 @@ from ros_diagnostics_exporter.fleet.awaited import Awaited
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component, full_name
+from ros_diagnostics_exporter.robots.component import Component, is_name_of
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.robots.limits import truncate
@@ -450,5 +450,5 @@ def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
 
 def _had_name(component: Component, name: ComponentName) -> bool:
     """Whether a component had this name by another limit of the length of labels."""
-    is_own = truncate(full_name(component.identity), len(name.component)) == name.component
+    is_own = is_name_of(name.component, component.identity)
     return is_own and truncate(name.group, len(component.group)) == component.group

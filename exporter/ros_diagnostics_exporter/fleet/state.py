@@ -105,7 +105,7 @@ class FleetState(WatchedFleet):
             robot = self._registry.on_shared_topic(topic, name, now)
             if robot is not None:
                 size = array.size * len(statuses) // max(1, len(array.statuses))
-                part = Array(array.stamp, tuple(statuses), size)
+                part = Array(array.stamp, tuple(statuses), size, number=array.number)
                 self._receive(robot, part, now, raw=shared.settings.raw)
 
     def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:

@@ -1,5 +1,7 @@
 """What fleet.yml names and nothing is: checks, rules, discovery and downtimes that match nothing.
 
+And values with thresholds that are no numbers.
+
 Of the running exporter, or, with `--config.check --live`, of a file against a running exporter.
 """
 
@@ -31,7 +33,9 @@ from ros_diagnostics_exporter.robots.rules import (
     check_matches,
     key_matches,
     value_matches,
+    value_rule,
 )
+from ros_diagnostics_exporter.robots.values import read_by
 from ros_diagnostics_exporter.texts import nearest
 
 log = logging.getLogger(__name__)
@@ -49,6 +53,7 @@ KINDS = (
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
 
 Part = tuple[str, str, tuple[str, ...]]  # of a robot: group, component, keys of its values
+Text = tuple[str, str, str]  # component, key, value
 
 
 @dataclass(frozen=True, order=True)
@@ -58,16 +63,17 @@ class Unmatched:
     what: str
     entry: str
     nearest: str = field(default="", compare=False)
+    why: str = field(default="matches nothing", compare=False)
 
     def __str__(self) -> str:
         """One line, for people."""
         hint = f"; the nearest is {self.nearest!r}" if self.nearest else ""
-        return f"{self.what} {self.entry} matches nothing{hint}"
+        return f"{self.what} {self.entry} {self.why}{hint}"
 
 
 @dataclass(frozen=True)
 class KnownRobot:
-    """What of a robot entries can match."""
+    """What of a robot entries can match; ``texts`` are its values that have no number."""
 
     name: str
     labels: Mapping[str, str]
@@ -75,6 +81,7 @@ class KnownRobot:
     topic: str
     profile: str
     components: tuple[Part, ...]
+    texts: tuple[Text, ...] = ()
 
 
 def known_robot(robot: RobotState) -> KnownRobot:
@@ -90,6 +97,15 @@ def known_robot(robot: RobotState) -> KnownRobot:
             (each.group, each.name, () if each.last is None else _keys(each.last.values))
             for each in robot.components
             if each.level >= 0
+        ),
+        texts=tuple(
+            (each.name, key, text)
+            for each in robot.components
+            if each.last is not None and each.values.judges
+            for (key, text), found in zip(
+                each.last.values, each.values.exported(each.last.values), strict=True
+            )
+            if not found
         ),
     )
 
@@ -115,6 +131,12 @@ def known_from_json(fleet: Mapping[str, Any]) -> list[KnownRobot]:
                 (each["group"], each["component"], tuple(value["key"] for value in each["values"]))
                 for each in robot["components"]
             ),
+            texts=tuple(
+                (each["component"], value["key"], value["value"])
+                for each in robot["components"]
+                for value in each["values"]
+                if value["number"] is None
+            ),
         )
         for robot in fleet["robots"]
     ]
@@ -135,6 +157,7 @@ def find_unmatched(fleet: Fleet, known: Iterable[KnownRobot], wall: float) -> li
         *_sources(fleet, robots),
         *_maintenance(fleet, robots, wall),
         *_of_profiles(fleet, received),
+        *(found for robot in robots for found in _unread(fleet.profiles.get(robot.profile), robot)),
     }
     return sorted(found)
 
@@ -256,6 +279,18 @@ def _value(rule: ValueRule, parts: Collection[Part]) -> tuple[Unmatched, bool]:
     names = [name for _group, name, _keys in parts]
     near = nearest(key, keys) if keys else nearest(component, names)
     return Unmatched("value", entry, near), False
+
+
+def _unread(profile: Profile | None, robot: KnownRobot) -> Iterator[Unmatched]:
+    """Its values that have thresholds and are no numbers."""
+    if profile is None or not any(rule.thresholds for rule in profile.values):
+        return
+    for name, key, text in robot.texts:
+        rule = value_rule(profile, name, key)
+        if rule is not None and rule.thresholds and not read_by(rule, key, text):
+            entry = f"component {name}, key {key}"
+            why = f"= {text!r:.80} of {robot.name} is no number, its thresholds cannot be judged"
+            yield Unmatched("value", entry, why=why)
 
 
 class UnmatchedWatch:

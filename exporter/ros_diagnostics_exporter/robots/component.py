@@ -8,9 +8,11 @@ from __future__ import annotations
 import re
 from dataclasses import KW_ONLY, InitVar, dataclass, field
 from math import inf
+from typing import NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
+from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.values import ComponentValues
@@ -28,6 +30,14 @@ STALE_AFTER_FIRST = 90.0
 
 _DIGITS = re.compile(r"[0-9]+")
 
+
+class Held(NamedTuple):
+    """When the status that counts was last received (monotonic), and how long after it before."""
+
+    at: float
+    gap: float
+
+
 Identity = tuple[
     str, str, str
 ]  # name, group where that is part of it, hardware_id where the name is not unique
@@ -44,9 +54,10 @@ class Component:
     """One component of one robot.
 
     ``reported`` is the level that the robot reported, ``level`` the one after the config's
-    overrides; both are STALE while nothing fresh is known. ``since`` is Unix time, ``received`` and
-    ``listed`` monotonic: the last fresh status, and the last array that contained the component.
-    ``missing``: the last array of its aggregator does not.
+    overrides; both are STALE while nothing fresh is known. ``reported_before`` is what it reported
+    before that. ``since`` is Unix time, ``received`` and ``listed`` monotonic: the last fresh
+    status, and the last array that contained the component. ``missing``: the last array of its
+    aggregator does not.
     """
 
     identity: Identity
@@ -62,6 +73,7 @@ class Component:
     hardware_id: str = ""
     level: int = -1  # nothing received yet
     reported: int = STALE
+    reported_before: int | None = None
     message: str = ""
     before_stale: int | None = None
     quiet_because: str = ""  # the condition of fleet.yml by which its trouble is no fault now
@@ -71,8 +83,12 @@ class Component:
     raw_received: float | None = None
     listed: float = field(init=False)
     missing: bool = False
+    threshold: float = inf  # seconds after which it was late, when it was received last
     gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
     last: Status | None = None
+    number: int = 0  # its publisher's number of the last message with it; 0: not known
+    goes_back: bool = False  # a number was less than the one before
+    held: Held | None = None  # several nodes publish it, and nothing tells them apart
     key_values: int = 0  # key-values that count against the robot's limit
     # Level and since of before a start, until it is received or listed.
     resumes: tuple[int, float] | None = None
@@ -80,6 +96,11 @@ class Component:
 
     def __post_init__(self, now: Instant) -> None:
         self.since, self.listed = now.wall, now.mono
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its name is known as it was published, not only as an aggregator has it."""
+        return not self.identity[1]
 
     @property
     def is_stale(self) -> bool:
@@ -97,9 +118,19 @@ class Component:
         return self.raw_received is not None and not self.gaps
 
     @property
-    def level_before_silence(self) -> int | None:
-        """The level that it had before its robot was silent, or before a start; None: not known."""
-        return self.before_stale if self.resumes is None else self.resumes[0]
+    def published(self) -> int | None:
+        """The level that was published last, whatever is known now; None: never since it is known.
+
+        An aggregator says STALE of what it does not receive; that was not published.
+        """
+        return self.reported if self.reports else self.reported_before
+
+    def skip(self, seconds: float) -> None:
+        """Do not count so many seconds, in which its robot was not received, towards `ends_at`."""
+        self.listed += seconds
+        self.received = self.listed if self.received is None else self.received + seconds
+        if self.raw_received is not None:
+            self.raw_received += seconds
 
     @property
     def ends_at(self) -> float:
@@ -118,13 +149,17 @@ class Component:
     @property
     def account(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
+        if self.held is not None:
+            return f"{self.message} (several nodes publish it, the worse counts)"
         if self.reports:
             return self.message
         return "no longer reports" + (f"; its last message: {self.message}" if self.message else "")
 
     def effective_level(self, reported: int) -> int:
-        """The level after the config's overrides."""
-        return self.rule.levels.get(reported, reported) if self.rule is not None else reported
+        """The level after the config's overrides; one that ROS does not know is ERROR."""
+        if self.rule is not None and reported in self.rule.levels:
+            return self.rule.levels[reported]
+        return reported if reported <= STALE else self.effective_level(ERROR)
 
     def set_message(self, message: str, *, always: bool) -> None:
         """Set the message that is exported.
@@ -155,10 +190,22 @@ class Component:
             self._set_level(level, now.wall, before_stale)
         return level != former
 
+    def follow_rule(self, now: Instant) -> bool:
+        """Apply the rule anew to what it reported; True if ``level`` changed.
+
+        That is no receipt: what an earlier process knew is still waited for.
+        """
+        resumes = self.resumes
+        changed = self.set_reported(self.reported, now)
+        self.resumes = resumes
+        return changed and resumes is None
+
     def _report(self, reported: int) -> None:
         if (reported == STALE) != (self.reported == STALE):  # then its numbers are not exported
             self.marks.note(Mark.SERIES)
             self.marks.note(Mark.VALUE, self)
+            if reported == STALE:
+                self.reported_before = self.reported
         self.reported = reported
 
     def _set_level(self, level: int, since: float, before_stale: int | None) -> None:
@@ -187,11 +234,14 @@ class Component:
         level, since = self.level, self.since
         if self.resumes is not None:  # not received since the last start
             level, since = self.resumes
+        is_named = self.name == self.identity[0] or is_name_of(self.name, self.identity)
         return PersistedComponent(
             identity=self.identity,
             group=self.group,
+            name=None if is_named else self.name,
             hardware_id=self.hardware_id,
             level=level,
+            reported=self.published,
             before_stale=self.before_stale,
             since=since,
             message=self.message,
@@ -205,20 +255,22 @@ class Component:
         self.listed = now.mono - (now.wall - persisted.listed)
         self.message = persisted.message
         self._report(STALE)
+        # A database of an earlier version has no reported level.
+        self.reported_before = before if persisted.reported is None else persisted.reported
         level, is_stale = self.effective_level(STALE), persisted.level == STALE
         since = persisted.since if is_stale else now.wall
         self._set_level(level, since, before if level == STALE else None)
         if not is_stale:
             self.resumes = persisted.level, persisted.since
 
-    def note_raw(self, mono: float, threshold: float) -> None:
+    def note_raw(self, mono: float) -> None:
         """Note the receipt of a raw status, and the gap before it.
 
         A gap counts for at most twice the threshold: one long silence does not make the threshold
         useless, while a driver that has become slower is recognized after a few of its periods.
         """
         if self.raw_received is not None:
-            gap = min(mono - self.raw_received, 2 * threshold)
+            gap = min(mono - self.raw_received, 2 * self.threshold)
             self.gaps = (*self.gaps, gap)[-GAPS_KEPT:]
         self.raw_received = mono
 
@@ -241,3 +293,8 @@ def full_name(identity: Identity) -> str:
     """The name of a component before it is truncated."""
     name, _group, hardware_id = identity
     return f"{name} [{hardware_id}]" if hardware_id else name or "(unnamed)"
+
+
+def is_name_of(name: str, identity: Identity) -> bool:
+    """Whether a component has this name, by whatever limit of the length of labels."""
+    return truncate(full_name(identity), len(name)) == name

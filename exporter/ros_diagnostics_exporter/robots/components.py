@@ -6,6 +6,7 @@ Every change of a level passes here, whether an array, silence or the config cau
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from math import inf
 
 from ros_diagnostics_exporter import durations
@@ -21,6 +22,7 @@ from ros_diagnostics_exporter.robots.component import (
 )
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
+from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.rejections import Reject
 from ros_diagnostics_exporter.robots.rules import (
     check_matches,
@@ -32,40 +34,41 @@ from ros_diagnostics_exporter.robots.values import ComponentValues
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
+MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 SHADOWED = "shadow mode (graph in fleet.yml)"  # why what a shadow shows is no fault
 
 
+@dataclass(eq=False, repr=False)
 class Components:
     """The components of one robot by their identity.
 
     ``reject`` is called with the reason and name of what is rejected, ``changed`` with (component,
-    level before, now) at every change of a level.
+    level before, now) at every change of a level. ``split_names`` are those that several nodes
+    publish, each with a hardware_id; ``has_fault`` says whether people know a component by its
+    name, which it then keeps.
     """
 
-    def __init__(
-        self,
-        profile: config.Profile,
-        limits: config.Limits,
-        *,
-        series: SeriesLimit,
-        marks: Marks[Component],
-        reject: Reject,
-        changed: Callable[[Component, int, Instant], None],
-    ) -> None:
-        self.by_identity: dict[Identity, Component] = {}
-        self._profile = profile
-        self._limits = limits
-        self._series = series
+    _profile: config.Profile
+    _limits: config.Limits
+    _series: SeriesLimit
+    _marks: Marks[Component]
+    _reject: Reject
+    _changed: Callable[[Component, int, Instant], None]
+    by_identity: dict[Identity, Component] = field(default_factory=dict)
+    split_names: set[str] = field(default_factory=set)
+    has_fault: Callable[[Component], bool] = lambda _component: False
+    next_late: float = inf  # until when none of a robot that is up can be, monotonic
+    _key_values: int = 0  # of all components
+    # labels by group, see `unique_name`
+    _taken: dict[str, dict[str, int]] = field(default_factory=dict)
+    _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
+    _is_received: bool = False  # its robot
+    _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
+    _checked_at: int = -1  # the last change that `_checked` is made of
+
+    def __post_init__(self) -> None:
         # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
-        self._value_series = SeriesLimit(limits.robot_series, series)
-        self._key_values = 0  # of all components
-        self._marks = marks
-        self._reject = reject
-        self._changed = changed
-        self._taken: dict[str, dict[str, int]] = {}  # labels by group, see `unique_name`
-        self.next_late = inf  # until when none of a robot that is up can be, monotonic
-        self._checked: list[tuple[str, list[Component]]] = []
-        self._checked_at = -1  # the last change that `_checked` is made of
+        self._value_series = SeriesLimit(self._limits.robot_series, self._series)
 
     def __iter__(self) -> Iterator[Component]:
         """All components, in the order in which they were added."""
@@ -118,8 +121,55 @@ class Components:
     def regroup(self, component: Component, group: str) -> None:
         """Move a component into another group."""
         group = truncate(group, self._limits.label_length)
-        if component.group != group:
-            self._set_label(component, group)
+        if component.group != group or component in self._waiting:
+            self._rename(component, group)
+
+    def _rename(self, component: Component, group: str) -> None:
+        """Give a component the name of its identity: once it has no fault that has the other."""
+        name = self._name(component.identity)
+        if (component.name, component.group) != (name, group) and self.has_fault(component):
+            self._waiting[component] = group
+            return
+        self._waiting.pop(component, None)
+        component.name = name
+        self._set_label(component, group)
+
+    def rename_waiting(self) -> None:
+        """Rename those that have no fault any more."""
+        for component, group in list(self._waiting.items()):
+            self._rename(component, group)
+
+    def identify(self, component: Component, identity: Identity, now: Instant) -> Component | None:
+        """Have a component go on as one of another identity; None where the config ignores it."""
+        del self.by_identity[component.identity]
+        is_renamed = component.identity[0] != identity[0]
+        component.identity = identity
+        self.by_identity[identity] = component
+        if is_renamed and not self._follow_profile(component, now):
+            return None
+        self._rename(component, component.group)
+        return component
+
+    def is_received_split(self, name: str) -> bool:
+        """Whether nodes were received that publish this name, each with a hardware_id."""
+        return name in self.split_names and any(
+            identity[0] == name and identity[2] and each.raw_received is not None
+            for identity, each in self.by_identity.items()
+        )
+
+    def restore(self, persisted: PersistedComponent, now: Instant) -> Component | None:
+        """Restore what an earlier process knew; None where a limit or the config rejects it."""
+        name, _group, hardware_id = persisted.identity
+        if hardware_id:
+            self.split_names.add(name)
+        component = self.get_or_add(persisted.identity, persisted.group, now)
+        if component is not None:
+            if persisted.name is not None:
+                component.name = persisted.name
+                self._waiting[component] = component.group
+                self._set_label(component, component.group)
+            component.restore(persisted, now)
+        return component
 
     def _set_label(self, component: Component, group: str) -> None:
         """Give a component the label by which it is known in its group, until it moves."""
@@ -134,14 +184,13 @@ class Components:
         if not taken:
             self._taken.pop(component.group, None)
 
-    def split_by_hardware_id(self, name: str) -> None:
-        """Add its hardware_id to the identity of a component whose name is not unique."""
-        component = self.by_identity.pop((name, "", ""), None)
-        if component is not None:
-            component.identity = (name, "", component.hardware_id)
-            component.name = self._name(component.identity)
-            self.by_identity[component.identity] = component
-            self._set_label(component, component.group)
+    def split_by_hardware_id(self, name: str, now: Instant) -> None:
+        """Make a component of each name and hardware_id from now on."""
+        if name not in self.split_names and len(self.split_names) < MAX_SPLIT_NAMES:
+            self.split_names.add(name)
+            component = self.by_identity.get((name, "", ""))
+            if component is not None and component.hardware_id:
+                self.identify(component, (name, "", component.hardware_id), now)
 
     def remove(self, component: Component) -> None:
         """Remove one component, with all that is known about it."""
@@ -149,6 +198,7 @@ class Components:
         self._count_key_values(component, 0)
         self._series.remove(SERIES_OF_COMPONENT)
         del self.by_identity[component.identity]
+        self._waiting.pop(component, None)
         self._release_label(component)
         self._marks.forget(component)
         self._marks.note(Mark.NAMES)
@@ -163,18 +213,24 @@ class Components:
         self._profile, self._limits = profile, limits
         self._value_series.limit = limits.robot_series
         for component in list(self.by_identity.values()):
-            name = component.identity[0]
-            component.rule = component_rule(profile, name)
-            if component.rule is not None and component.rule.ignore:
-                self.remove(component)
-                continue
-            component.values.clear()
-            component.values = self._values(name)
-            self._count_key_values(component, 0)  # counted again with the next status
-            if component.last is not None and component.last.level != STALE:
-                component.values.update(component.last.values)
-            if component.level >= OK:
-                self._set_level(component, component.reported, now)
+            self._follow_profile(component, now)
+
+    def _follow_profile(self, component: Component, now: Instant) -> bool:
+        """Apply the profile's rules for its name; False if they ignore it."""
+        name = component.identity[0]
+        component.rule = component_rule(self._profile, name)
+        if component.rule is not None and component.rule.ignore:
+            self.remove(component)
+            return False
+        component.values.clear()
+        component.values = self._values(name)
+        self._count_key_values(component, 0)  # counted again with the next status
+        if component.last is not None and component.last.level != STALE:
+            component.values.update(component.last.values)
+        before = component.last_recorded
+        if component.level >= OK and component.follow_rule(now):
+            self._changed(component, before, now)
+        return True
 
     def parse_values(self) -> None:
         """Parse the numbers that were not yet read; see `ComponentValues`."""
@@ -197,7 +253,7 @@ class Components:
                 component.received = now.mono
             return
         reported = status.level
-        if reported > STALE:
+        if reported > STALE and (component.rule is None or reported not in component.rule.levels):
             self._reject("bad_level", component.name)
             reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
         if component.stale_at_source != (status.level == STALE):
@@ -240,9 +296,14 @@ class Components:
 
     def update_raw(self, component: Component, status: Status, now: Instant) -> None:
         """Update one component from its own topic, where the gaps decide when it is late."""
-        component.note_raw(now.mono, self._stale_after(component))
+        component.note_raw(now.mono)
         self.update(component, status, now)
         self._expect(component, now)
+
+    def pass_over(self, component: Component, now: Instant) -> None:
+        """Note that a status of it was received, and not taken: another one counts."""
+        component.note_raw(now.mono)
+        component.listed = component.received = now.mono
 
     def update_measured(
         self, component: Component, feed: Feed, status: Status, now: Instant
@@ -270,17 +331,23 @@ class Components:
         component.missing = True
         self._set_level(component, STALE, now)
 
-    def resume(self, now: Instant) -> None:
-        """Give what is published only on a change its level again: its robot is back."""
+    def resume(self, now: Instant, absence: float) -> None:
+        """Give what is published only on a change its level again: its robot is back.
+
+        ``absence`` are the seconds in which nothing was received, which count towards no end.
+        """
+        self._is_received = True
         for component in self.by_identity.values():
-            level = component.level_before_silence if component.is_on_change else None
-            if component.is_stale and level is not None and level != STALE:
-                if component.received is None:  # since the start
-                    component.received = component.listed
-                self._set_level(component, level, now)
+            if component.is_on_change:
+                component.skip(absence)
+                level = component.published
+                if component.is_stale and level is not None and level != STALE:
+                    self._set_level(component, level, now)
+                self.next_late = min(self.next_late, component.ends_at)
 
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
+        self._is_received = False
         for component in self.by_identity.values():
             if component.feed is None:
                 self._set_level(component, STALE, now)
@@ -316,7 +383,7 @@ class Components:
     def _due(self, component: Component) -> float:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
-            return component.ends_at
+            return component.ends_at if self._is_received else inf
         if component.is_stale or component.received is None:
             return inf
         return component.received + self._stale_after(component)
@@ -339,7 +406,8 @@ class Components:
         if component.rule is not None and component.is_on_change:
             self.next_late = min(self.next_late, component.ends_at)
         else:
-            self.next_late = min(self.next_late, now.mono + self._stale_after(component))
+            component.threshold = self._stale_after(component)
+            self.next_late = min(self.next_late, now.mono + component.threshold)
 
     def forgettable(self, now: Instant) -> Iterable[Component]:
         """Components long absent that were OK when last received: absence never ends a problem."""

@@ -128,33 +128,30 @@ class RobotConditions:
 
 
 class Watch:
-    """One condition, and what each of the components that it asks about says."""
+    """One condition, and whether each of the components that it asks about meets it."""
 
-    __slots__ = ("condition", "dependents", "met", "unknown", "unmet")
+    __slots__ = ("_meet", "condition", "dependents")
 
     def __init__(self, condition: Condition) -> None:
         self.condition = condition
         self.dependents: list[Component] = []
-        self.met: set[Component] = set()
-        self.unmet: set[Component] = set()
-        self.unknown: set[Component] = set()
+        self._meet: dict[Component, bool | None] = {}  # None: not known
 
     @property
     def holds(self) -> bool | None:
         """Whether any component meets it; None where none does and one is not known."""
-        if self.met:
+        found = self._meet.values()
+        if True in found:
             return True
-        return None if self.unknown or not self.unmet else False
+        return None if None in found or not found else False
 
     def update(self, component: Component) -> bool:
         """Take what a component is like now; whether that makes a difference."""
         before = self.holds
-        for each in (self.met, self.unmet, self.unknown):
-            each.discard(component)
+        self._meet.pop(component, None)
         if _is_asked(self.condition, component):
-            meets = None if component.is_stale else _meets(self.condition, component)
-            of = {True: self.met, False: self.unmet, None: self.unknown}
-            of[meets].add(component)
+            stale = component.is_stale
+            self._meet[component] = None if stale else _meets(self.condition, component)
         return self.holds is not before
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 
@@ -15,8 +17,13 @@ Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 
 
-class PersistedComponent(NamedTuple):
-    """One component; ``identity`` as in ``component``, times are Unix time."""
+@dataclass(frozen=True, slots=True)
+class PersistedComponent:
+    """One component; ``identity`` as in ``component``, times are Unix time.
+
+    ``name`` is the one that it keeps until its fault is over, where its identity has another;
+    ``reported`` the level that was published last.
+    """
 
     identity: tuple[Text, Text, Text]
     group: Text
@@ -26,16 +33,20 @@ class PersistedComponent(NamedTuple):
     since: Moment
     message: Text
     listed: Moment
+    name: Text | None = None
+    reported: Annotated[int, Field(ge=0, le=255)] | None = None
 
-    def not_after(self, wall: float) -> PersistedComponent:
-        """It, with nothing in the future."""
-        return self._replace(since=min(self.since, wall), listed=min(self.listed, wall))
+    def shifted(self, later: float, latest: float) -> PersistedComponent:
+        """It, listed ``later`` by so many seconds, and nothing of it after ``latest``."""
+        listed = min(self.listed + later, latest)
+        return replace(self, since=min(self.since, latest), listed=listed)
 
 
 Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a shared topic
 
 
-class PersistedRobot(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PersistedRobot:
     """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
 
     domain_id: Annotated[int, Field(ge=0, le=232)] | Literal["zenoh"]
@@ -46,19 +57,19 @@ class PersistedRobot(NamedTuple):
     origin: Origin
 
     def as_json(self) -> str:
-        """The fields by name, those of the components, too."""
-        components = [component._asdict() for component in self.components]
-        return json.dumps({**self._asdict(), "components": components}, ensure_ascii=False)
+        """What `ROBOT` reads."""
+        return json.dumps(ROBOT.dump_python(self), ensure_ascii=False)
 
-    def seen_at(self, last_seen: float) -> PersistedRobot:
-        """It, received later than when it was written: its components as long before that."""
-        later = last_seen - self.last_seen
-        if not (self.last_seen and later > 0):
+    def seen_at(self, last_seen: float, latest: float = inf) -> PersistedRobot:
+        """It, received later than when it was written: its components as long before that.
+
+        Nothing of it is after ``latest``: the wall clock may have been set back meanwhile.
+        """
+        later = max(0.0, last_seen - self.last_seen) if self.last_seen else 0.0
+        if not later and latest == inf:
             return self
-        components = [each._replace(listed=each.listed + later) for each in self.components]
-        return self._replace(last_seen=last_seen, components=components)
+        components = [each.shifted(later, latest) for each in self.components]
+        return replace(self, last_seen=min(self.last_seen + later, latest), components=components)
 
-    def not_after(self, wall: float) -> PersistedRobot:
-        """It, with nothing in the future: the wall clock was set back since it was written."""
-        components = [each.not_after(wall) for each in self.components]
-        return self._replace(last_seen=min(self.last_seen, wall), components=components)
+
+ROBOT = TypeAdapter(PersistedRobot)  # both ways

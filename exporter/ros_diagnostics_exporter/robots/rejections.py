@@ -44,7 +44,7 @@ REASONS: tuple[RejectionReason, ...] = get_args(RejectionReason)
 LOG_TEXTS: dict[RejectionReason, str] = {
     "undecodable": "a message is no DiagnosticArray",
     "bad_level": "a level above 3 counts as ERROR",
-    "duplicate_component": "an array has a component twice, of which the worse counts",
+    "duplicate_component": "nodes, or one array, publish a component twice: the worse counts",
     "component_limit": "components or groups beyond limits.components are rejected",
     "value_limit": "values of a component beyond limits.values are rejected",
     "series_limit": "limits.series is reached, new series are rejected",

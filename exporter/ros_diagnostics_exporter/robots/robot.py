@@ -172,12 +172,7 @@ class RobotState:
         self._auto = AutoSource()
         self._is_switched = False  # to the aggregate, by the array that is received
         self.components = Components(
-            settings.profile,
-            limits,
-            series=series,
-            marks=self.marks,
-            reject=self.reject,
-            changed=self._record_level,
+            settings.profile, limits, series, self.marks, self.reject, self._record_level
         )
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
@@ -252,16 +247,20 @@ class RobotState:
         if len(statuses) > limit:
             self.reject("component_limit", statuses[limit].name)
             statuses = statuses[:limit]
-        updates = self._raw if raw else self._aggregated
-        updates.apply(statuses, now)
+        if raw:
+            self._raw.apply(statuses, now, array.number)
+        else:
+            self._aggregated.apply(statuses, now)
         if self._is_switched:
             self._leave_raw(now)
 
     def _note_received(self, now: Instant) -> None:
+        gap = 0.0 if self.last_mono is None else now.mono - self.last_mono
+        if not self.up or gap > self.settings.profile.stale_after:
+            self.components.resume(now, gap)
         if not self.up:
             self.record("received", now)
             self.up = True
-            self.components.resume(now)
         self.last_mono, self.last_wall = now
         self.marks.note(Mark.RECEIPT)
 
@@ -457,18 +456,13 @@ class RobotState:
         """Restore what an earlier process knew: all of it STALE until it is received."""
         if self.settings.source is config.Source.AUTO:
             self.source = config.Source(persisted.source)
-        persisted = persisted.not_after(now.wall)
+        persisted = persisted.seen_at(persisted.last_seen, now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
             self.up = self._has_no_ros
             self.last_mono = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
-            name, _group, hardware_id = each.identity
-            if hardware_id:
-                self._raw.split_by_hardware_id(name)
-            component = self.components.get_or_add(each.identity, each.group, now)
-            if component is not None:
-                component.restore(each, now)
+            if self.components.restore(each, now) is not None:
                 self.measured.restored(each.identity)
         self.marks.note(Mark.RECEIPT)
 

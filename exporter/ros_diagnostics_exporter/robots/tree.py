@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.robots.component import STALE, Component
+from ros_diagnostics_exporter.robots.component import STALE, Component, Identity
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
+from ros_diagnostics_exporter.robots.renames import find_former, path_of
 
 # What the aggregator itself writes into a header (status_item.hpp, *_analyzer_base.hpp, ...).
 _HEADER_MESSAGE = re.compile(
@@ -48,6 +50,11 @@ class Leaf(NamedTuple):
     rows: tuple[int, ...]
     exact: bool = True
 
+    @property
+    def identity(self) -> Identity:
+        """That of its component, as long as it is known by nothing better."""
+        return self.component, "" if self.exact else self.group, ""
+
 
 class Structure(NamedTuple):
     """Which rows of an array are components, and which are groups (row, path)."""
@@ -56,29 +63,31 @@ class Structure(NamedTuple):
     groups: tuple[tuple[int, str], ...] = ()
 
 
+@dataclass(eq=False, repr=False)
 class AggregatedUpdates:
     """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
 
-    def __init__(
-        self, components: Components, marks: Marks[Component], limits: config.Limits, reject: Reject
-    ) -> None:
-        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
-        self._components = components
-        self._marks = marks
-        self._limits = limits
-        self._reject = reject
+    _components: Components
+    _marks: Marks[Component]
+    _limits: config.Limits
+    _reject: Reject
+    # path -> (level, message) as reported
+    groups: dict[str, tuple[int, str]] = field(default_factory=dict)
+    _structure: Structure | None = None
+    _planned_at: int = -1  # the last change that the plan is made of
+    _plan: list[tuple[Component, tuple[int, ...]]] = field(default_factory=list)
+    _missing: list[Component] = field(default_factory=list)
+    _paths: dict[Component, str] = field(default_factory=dict)  # of the row that it had last
+    _group_rows: list[tuple[int, str]] = field(default_factory=list)  # with the label of each
+
+    def __post_init__(self) -> None:
         self._reader = TreeReader()
-        self._structure: Structure | None = None
-        self._planned_at = -1  # the last change that the plan is made of
-        self._plan: list[tuple[Component, tuple[int, ...]]] = []
-        self._missing: list[Component] = []
-        self._group_rows: list[tuple[int, str]] = []  # with the label of each
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""
         structure = self._reader.read(statuses)
         if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
-            self._plan_updates(structure, now)
+            self._plan_updates(structure, statuses, now)
         self._update_groups(statuses)
         for component, rows in self._plan:
             status = statuses[rows[0]]
@@ -111,7 +120,7 @@ class AggregatedUpdates:
         self._limits = limits
         self._structure = None
 
-    def _plan_updates(self, structure: Structure, now: Instant) -> None:
+    def _plan_updates(self, structure: Structure, statuses: Sequence[Status], now: Instant) -> None:
         """Find the components of a changed structure, and those that are missing in it."""
         components = self._components
         self._structure = structure
@@ -119,11 +128,21 @@ class AggregatedUpdates:
         length = self._limits.label_length
         self._group_rows = [(row, truncate(path, length)) for row, path in structure.groups]
         self._plan = []
+        self._paths = {each: self._paths[each] for each in components if each in self._paths}
+        former = self._find_former(structure, statuses)
         for leaf in structure.leaves:
-            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
-            component = components.get_or_add(identity, leaf.group, now)
+            if leaf.exact and components.is_received_split(leaf.component):
+                continue  # several nodes' statuses, of which the aggregator has the latest
+            known = former.get(leaf.identity)
+            if known is None:
+                component = components.get_or_add(leaf.identity, leaf.group, now)
+            elif leaf.exact or not known.is_exact:
+                component = components.identify(known, leaf.identity, now)
+            else:
+                component = known
             if component is not None:
                 components.regroup(component, leaf.group)
+                self._paths[component] = statuses[leaf.rows[0]].name
                 self._plan.append((component, leaf.rows))
         self._planned_at = self._marks.count
         listed = {component.identity for component, _rows in self._plan}
@@ -134,6 +153,23 @@ class AggregatedUpdates:
             for identity, component in components.by_identity.items()
             if structure.leaves and identity not in listed and component.raw_received is None
         ]
+
+    def _find_former(
+        self, structure: Structure, statuses: Sequence[Status]
+    ) -> dict[Identity, Component]:
+        """The components known under another name that the structure's leaves continue."""
+        known = self._components.by_identity
+        new = {each.identity: statuses[each.rows[0]].name for each in structure.leaves}
+        rows = {identity: path for identity, path in new.items() if identity not in known}
+        if not rows:
+            return {}
+        vanished = {
+            component: path
+            for identity, component in known.items()
+            if identity not in new and component.raw_received is None
+            if (path := self._paths.get(component) or path_of(component)).startswith("/")
+        }
+        return find_former(rows, vanished, is_moved=len(rows) == len(new))
 
     def _remove_groups(self, structure: Structure) -> None:
         """Remove, without an event, components that prove to be groups."""

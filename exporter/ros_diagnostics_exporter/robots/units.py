@@ -9,91 +9,32 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-# The spelling used in the label: what else is accepted for it.
-_SPELLINGS: dict[str, tuple[str, ...]] = {
-    "%": ("percent", "Percent", "pct", "per cent"),
-    "degC": ("°C", "ºC", "℃", "C", "celsius", "Celsius", "DegC", "deg C", "Deg C", "degrees C"),
-    "degF": ("°F", "fahrenheit", "Fahrenheit", "DegF"),
-    "K": ("kelvin", "Kelvin"),
-    "V": ("v", "volt", "volts", "Volt", "Volts"),
-    "mV": ("millivolt", "millivolts"),
-    "kV": (),
-    "A": ("amp", "amps", "Amp", "Amps", "ampere", "amperes", "Ampere"),
-    "mA": ("milliamp", "milliamps"),
-    "W": ("watt", "watts", "Watt", "Watts"),
-    "mW": (),
-    "kW": (),
-    "Wh": ("wh",),
-    "mWh": (),
-    "kWh": (),
-    "Ah": ("ah",),
-    "mAh": ("mah",),
-    "ohm": ("Ohm", "Ω", "\u2126"),
-    "s": ("sec", "secs", "second", "seconds", "Sec", "Seconds"),
-    "ms": ("msec", "msecs", "millisecond", "milliseconds"),
-    "us": ("µs", "μs", "usec", "microsecond", "microseconds"),
-    "ns": ("nsec", "nanosecond", "nanoseconds"),
-    "min": ("mins", "minute", "minutes"),
-    "h": ("hr", "hrs", "hour", "hours"),
-    "d": ("day", "days"),
-    "Hz": ("hz", "HZ", "hertz", "Hertz"),
-    "kHz": ("khz",),
-    "MHz": ("Mhz", "mhz"),
-    "GHz": ("Ghz", "ghz"),
-    "rpm": ("RPM", "r/min", "rev/min"),
-    "m": ("meter", "meters", "metre", "metres"),
-    "cm": ("centimeters",),
-    "mm": ("millimeter", "millimeters"),
-    "km": ("kilometers",),
-    "m/s": ("mps",),
-    "mm/s": (),
-    "km/h": ("kmh", "kph"),
-    "m/s^2": ("m/s²", "m/s2"),
-    "rad": ("radian", "radians"),
-    "rad/s": ("radps",),
-    "deg": ("°", "degree", "degrees", "Deg", "Degrees"),
-    "deg/s": ("°/s", "dps"),
-    "N": (),
-    "Nm": ("N·m", "N*m", "N.m"),
-    "kg": (),
-    "g": (),
-    "Pa": (),
-    "hPa": (),
-    "kPa": (),
-    "bar": ("Bar",),
-    "mbar": (),
-    "psi": ("PSI",),
-    "B": ("byte", "bytes", "Byte", "Bytes"),
-    "kB": ("KB", "kb", "Ko", "ko"),
-    "MB": ("Mo",),
-    "GB": ("Go",),
-    "TB": ("To",),
-    "KiB": ("kiB", "Ki"),
-    "MiB": ("Mi",),
-    "GiB": ("Gi",),
-    "TiB": ("Ti",),
-    "G": (),
-    "M": (),
-    "bit/s": ("bps", "b/s", "bits/s"),
-    "kbit/s": ("kbps", "Kbps", "kb/s"),
-    "Mbit/s": ("Mbps", "mbps", "Mb/s"),
-    "Gbit/s": ("Gbps",),
-    "B/s": ("bytes/s", "Bytes/s"),
-    "kB/s": ("KB/s",),
-    "MB/s": (),
-    "dB": (),
-    "dBm": ("dbm",),
-    "fps": ("FPS", "frames/s"),
-    "1/s": ("msg/s", "msgs/s", "messages/s"),
-    "px": ("pixel", "pixels"),
-    "lx": ("lux",),
-    "ppm": (),
-    "T": (),
-    "uT": ("µT", "μT"),
-    "mT": (),
-    "l": ("L", "liter", "liters", "litre", "litres"),
+# Of each unit the spelling used in the label, and what else is accepted for it.
+_SPELLINGS = """
+%, percent, Percent, pct, per cent;
+degC, °C, ºC, ℃, C, celsius, Celsius, DegC, deg C, Deg C, degrees C;
+degF, °F, fahrenheit, Fahrenheit, DegF; K, kelvin, Kelvin; V, v, volt, volts, Volt, Volts;
+mV, millivolt, millivolts; kV; A, amp, amps, Amp, Amps, ampere, amperes, Ampere;
+mA, milliamp, milliamps; W, watt, watts, Watt, Watts; mW; kW; Wh, wh; mWh; kWh; Ah, ah; mAh, mah;
+ohm, Ohm, Ω, Ω; s, sec, secs, second, seconds, Sec, Seconds;
+ms, msec, msecs, millisecond, milliseconds; us, µs, μs, usec, microsecond, microseconds;
+ns, nsec, nanosecond, nanoseconds; min, mins, minute, minutes; h, hr, hrs, hour, hours;
+d, day, days; Hz, hz, HZ, hertz, Hertz; kHz, khz; MHz, Mhz, mhz; GHz, Ghz, ghz;
+rpm, RPM, r/min, rev/min; m, meter, meters, metre, metres; cm, centimeters;
+mm, millimeter, millimeters; km, kilometers; m/s, mps; mm/s; km/h, kmh, kph; m/s^2, m/s², m/s2;
+rad, radian, radians; rad/s, radps; deg, °, degree, degrees, Deg, Degrees; deg/s, °/s, dps; N;
+Nm, N·m, N*m, N.m; kg; g; Pa; hPa; kPa; bar, Bar; mbar; psi, PSI; B, byte, bytes, Byte, Bytes;
+kB, KB, kb, Ko, ko; MB, Mo; GB, Go; TB, To; KiB, kiB, Ki; MiB, Mi; GiB, Gi; TiB, Ti; G; M;
+bit/s, bps, b/s, bits/s; kbit/s, kbps, Kbps, kb/s; Mbit/s, Mbps, mbps, Mb/s; Gbit/s, Gbps;
+B/s, bytes/s, Bytes/s; kB/s, KB/s; MB/s; dB; dBm, dbm; fps, FPS, frames/s;
+1/s, msg/s, msgs/s, messages/s; px, pixel, pixels; lx, lux; ppm; T; uT, µT, μT; mT;
+l, L, liter, liters, litre, litres
+"""
+_CANONICAL = {
+    spelling.strip(): unit.split(",")[0].strip()
+    for unit in _SPELLINGS.split(";")
+    for spelling in unit.split(",")
 }
-_CANONICAL = {spelling: unit for unit, others in _SPELLINGS.items() for spelling in (unit, *others)}
 _LONGEST_IN_BRACKETS = 16  # characters of a unit in brackets
 _LAST_WORD = re.compile(r"(.*)[ _.]([A-Za-z°µμ%][A-Za-z°µμ%/^0-9]{0,11})")
 # One letter behind a key is rather a name ("Motor A"), unless the key says the quantity.
@@ -113,7 +54,7 @@ _NO_UNIT_BEHIND_A_KEY = frozenset(
 @lru_cache(maxsize=4096)
 def canonical_unit(text: str) -> str | None:
     """The label's spelling of a unit as a driver wrote it; None if it is no known unit."""
-    return _CANONICAL.get(text.strip())
+    return _CANONICAL.get(text.strip()) or _CANONICAL.get(_in_brackets(text.strip()))
 
 
 def unit_in_name(name: str) -> str:

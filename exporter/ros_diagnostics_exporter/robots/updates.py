@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import STALE, Component, Identity
+from ros_diagnostics_exporter.robots.component import STALE_AFTER_FIRST, Component, Held, Identity
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
+from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
-MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 _MARK = "query:"
 
 
@@ -86,28 +86,57 @@ class RawUpdates:
     def __init__(self, components: Components, reject: Reject) -> None:
         self._components = components
         self._reject = reject
-        self._split_names: set[str] = set()  # names that several components have
+        self._suspects: Suspects = {}  # names that several nodes may publish
 
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
+    def apply(self, statuses: Sequence[Status], now: Instant, number: int = 0) -> None:
+        """Update the components from one array, which has this number of its publisher's."""
         if len({status.name for status in statuses}) != len(statuses):
-            statuses = self._worst_of_each(statuses)
+            statuses = self._worst_of_each(statuses, now)
+        components, split_names = self._components, self._components.split_names
         for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            identity = (status.name, "", hardware_id)
-            component = self._components.by_identity.get(identity)
-            if component is None:
-                component = self._components.get_or_add(identity, _node_of(status.name), now)
+            name = status.name
+            identity = name, "", status.hardware_id if name in split_names else ""
+            component = components.by_identity.get(identity)
             if component is not None:
-                self._components.update_raw(component, status, now)
+                last = component.last
+                if (number and (number <= component.number or component.goes_back)) or (
+                    last is not status and last is not None and last[3] != status[3]
+                ):
+                    component = self._told_apart(component, status, number, now)
+            if component is None:
+                component = components.get_or_add(self._identity(status), _node_of(name), now)
+            if component is not None:
+                component.number = number
+                if component.held is None or self._counts(component, status, now):
+                    components.update_raw(component, status, now)
+                else:
+                    self._reject("duplicate_component", name)
+                    components.pass_over(component, now)
 
-    def split_by_hardware_id(self, name: str) -> None:
-        """Make a component of each name and hardware_id from now on."""
-        if name not in self._split_names and len(self._split_names) < MAX_SPLIT_NAMES:
-            self._split_names.add(name)
-            self._components.split_by_hardware_id(name)
+    def _identity(self, status: Status) -> Identity:
+        is_split = status.name in self._components.split_names
+        return status.name, "", status.hardware_id if is_split else ""
 
-    def _worst_of_each(self, statuses: Sequence[Status]) -> list[Status]:
+    def _told_apart(
+        self, component: Component, status: Status, number: int, now: Instant
+    ) -> Component | None:
+        """The component of a status that may be another node's; None: it has none yet."""
+        last = component.last
+        if last is not None and last.hardware_id != status.hardware_id:
+            if are_by_id(self._suspects, last, status, now):
+                self._components.split_by_hardware_id(status.name, now)
+                return self._components.by_identity.get(self._identity(status))
+        elif are_by_number(self._suspects, component, number, now):
+            component.held = component.held or Held(now.mono, 0.0)
+        return component
+
+    def _counts(self, component: Component, status: Status, now: Instant) -> bool:
+        suspect = self._suspects.get(status.name)
+        if suspect is None or now.mono - suspect.at > STALE_AFTER_FIRST:
+            component.held = None  # it has been one node for long
+        return component.held is None or counts(component, component.held, status, now)
+
+    def _worst_of_each(self, statuses: Sequence[Status], now: Instant) -> list[Status]:
         """The worst status of each component, for an array that has a name more than once.
 
         One name with two hardware_ids are two components, from then on.
@@ -118,21 +147,16 @@ class RawUpdates:
                 ids.setdefault(status.name, set()).add(status.hardware_id)
         for name, found in ids.items():
             if len(found) > 1:
-                self.split_by_hardware_id(name)
-        worst: dict[tuple[str, str], Status] = {}
+                self._components.split_by_hardware_id(name, now)
+        worst: dict[Identity, Status] = {}
         for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            key = status.name, hardware_id
-            if key in worst:
+            identity = self._identity(status)
+            if identity in worst:
                 self._reject("duplicate_component", status.name)
-                status = max(status, worst[key], key=_severity)  # noqa: PLW2901
-            worst[key] = status
+                worst[identity] = worse(worst[identity], status)
+            else:
+                worst[identity] = status
         return list(worst.values())
-
-
-def _severity(status: Status) -> int:
-    """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
-    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
 
 
 def _node_of(name: str) -> str:

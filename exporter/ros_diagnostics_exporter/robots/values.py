@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -35,8 +35,10 @@ class Number(NamedTuple):
     value: float
 
 
+# A comma with three digits behind it may be one of thousands: 1,234.
+_COMMA = r"0,[0-9]+|[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})"
 _NUMBER = re.compile(
-    r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    rf"([+-]?(?:(?:{_COMMA})(?![0-9,])|[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"(?: ?([^0-9 ].{0,15}))?"  # what stands behind it, perhaps a unit
 )
 # What most drivers write: neither a unit nor anything that could be misread, so `float` reads it.
@@ -59,12 +61,14 @@ _IDENTIFIER = re.compile(
 _MAX_DIGITS = 15
 
 
-def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
+def parse_numbers(key: str, text: str, *, is_judged: bool = False) -> tuple[Number, ...]:
     """All numbers in one key-value: none, one, or one for each element of a list.
 
     Args:
         key: diagnostic_msgs/KeyValue.key as published.
         text: diagnostic_msgs/KeyValue.value as published.
+        is_judged: Whether fleet.yml has thresholds for it: then "9,5" is one number without a unit
+            too, and not perhaps a list of two.
     """
     describe = _describe if len(key) <= _MAX_CACHED_KEY else _describe.__wrapped__
     name, key_unit, is_identifier = describe(key)
@@ -73,8 +77,8 @@ def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     text = text.strip(" \t\r\n")
     found = _scalar(text)
     if found is not None:
-        number, unit = found
-        return (Number(name, unit or key_unit, number),)
+        number, unit = found[0], found[1] or key_unit
+        return (Number(name, unit, number),) if unit or is_judged or "," not in text else ()
     brackets = _LIST.fullmatch(text)
     if brackets is None:
         return ()
@@ -109,7 +113,7 @@ def _scalar(text: str) -> tuple[float, str] | None:
     match = _NUMBER.fullmatch(text)
     if match is None:
         return _word(text)
-    digits, suffix = match[1], match[2]
+    digits, suffix = match[1].replace(",", "."), match[2]
     unit = ""
     if suffix is not None:
         unit = canonical_unit(suffix) or ""
@@ -150,7 +154,8 @@ FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for i
 class ExportedValue:
     """One number as it is exported; ``metric`` is the name that the config gives it, or None.
 
-    ``rejected``: it has another unit than at first and is not exported.
+    ``rejected``: it has another unit than at first and is not exported. ``plain``: a text without a
+    unit changes nothing but the number.
     """
 
     key: str
@@ -159,6 +164,7 @@ class ExportedValue:
     metric: str | None = None
     rule: ValueRule | None = None
     rejected: bool = False
+    plain: bool = False
 
     @property
     def series(self) -> int:
@@ -177,64 +183,34 @@ class ExportedValue:
         ]
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class ComponentValues:
     """The numbers in the key-values of one component.
 
     As long as the keys, and how many numbers each has, stay, an update only sets numbers. Numbers
     that the config judges are parsed at once, all others when they are read: a robot sends ten
     times and more before it is scraped again.
+
+    ``limits`` are the values of a component and the characters of a key. ``find_rule`` is None
+    where the config has no rule for any value of this component, ``judged`` whether it may ask at
+    any moment what they are.
     """
 
-    __slots__ = (
-        "_all",
-        "_find_rule",
-        "_judged",
-        "_keys",
-        "_limits",
-        "_marks",
-        "_pairs",
-        "_parsed",
-        "_plain",
-        "_reject",
-        "_rows",
-        "_rules",
-        "_series",
-        "_series_limit",
-        "_units",
-    )
-
-    def __init__(
-        self,
-        find_rule: FindRule | None,
-        limits: tuple[int, int],
-        series_limit: SeriesLimit,
-        reject: Reject,
-        marks: Marks[Any],
-        *,
-        judged: bool,
-    ) -> None:
-        """``limits`` are the values of a component and the characters of a key.
-
-        ``find_rule`` is None where the config has no rule for any value of this component,
-        ``judged`` whether it may ask at any moment what they are.
-        """
-        self._all: list[ExportedValue] = []
-        # for each key-value the number that a text without a unit sets; None where more is to do
-        self._plain: list[ExportedValue | None] = []
-        # for each of the other key-values its numbers; None for one that a limit rejects
-        self._rows: dict[int, list[ExportedValue | None]] = {}
-        self._series = 0  # series
-        self._pairs: Pairs = ()  # of the last status
-        self._keys: tuple[str, ...] = ()  # of those that were parsed last
-        self._parsed = True
-        self._units: dict[str, str] = {}
-        self._find_rule = find_rule
-        self._rules: dict[str, ValueRule | None] = {}
-        self._limits = limits
-        self._series_limit = series_limit
-        self._reject = reject
-        self._marks = marks
-        self._judged = judged
+    find_rule: FindRule | None
+    limits: tuple[int, int]
+    series_limit: SeriesLimit
+    reject: Reject
+    marks: Marks[Any]
+    judged: bool
+    _all: list[ExportedValue] = field(default_factory=list)
+    # for each key-value its numbers; None for one that a limit rejects
+    _rows: list[list[ExportedValue | None]] = field(default_factory=list)
+    _series: int = 0
+    _pairs: Pairs = ()  # of the last status
+    _keys: tuple[str, ...] = ()  # of those that were parsed last
+    _parsed: bool = True
+    _units: dict[str, str] = field(default_factory=dict)
+    _rules: dict[str, ValueRule | None] = field(default_factory=dict)
 
     @property
     def all(self) -> list[ExportedValue]:
@@ -243,17 +219,34 @@ class ComponentValues:
         return self._all
 
     @property
+    def judges(self) -> bool:
+        """Whether the config has a rule for any of them."""
+        return self.find_rule is not None
+
+    @property
     def beyond(self) -> bool:
         """Whether a number is beyond a threshold."""
-        return self._find_rule is not None and any(value.beyond for value in self.all)
+        return self.find_rule is not None and any(value.beyond for value in self.all)
+
+    def rule_of(self, key: str) -> ValueRule | None:
+        """The config's rule for a key of the last update."""
+        return self._rules.get(key)
+
+    def would_be_beyond(self, pairs: Pairs) -> bool:
+        """Whether a number of other key-values would be beyond a threshold."""
+        return any(
+            ExportedValue(key, unit, number, rule=self._rules.get(pair[0])).beyond
+            for pair in pairs
+            for key, unit, number in self._read(*pair)
+        )
 
     def update(self, pairs: Pairs) -> bool:
         """Take the key-values of a new status; True if a number changed that may be judged."""
-        if self._judged:
+        if self.judged:
             old, self._pairs = self._pairs, tuple(pairs)
             return self._set(self._pairs, old)
         self._pairs, self._parsed = pairs, False
-        self._marks.note(Mark.NUMBER)
+        self.marks.note(Mark.NUMBER)
         return False
 
     def parse(self) -> None:
@@ -264,9 +257,9 @@ class ComponentValues:
 
     def clear(self) -> None:
         """Remove the numbers and their series, but not their units."""
-        self._series_limit.remove(self._series)
+        self.series_limit.remove(self._series)
         self._series = 0
-        self._all, self._plain, self._rows = [], [], {}
+        self._all, self._rows = [], []
         self._pairs, self._keys, self._parsed = (), (), True
 
     def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
@@ -276,22 +269,22 @@ class ComponentValues:
         """
         changed = False
         if len(self._keys) == len(pairs):
-            for row, (key, pair, plain) in enumerate(
-                zip(self._keys, pairs, self._plain, strict=True)
-            ):
+            for row, (key, pair) in enumerate(zip(self._keys, pairs, strict=True)):
                 if old and old[row] == pair:
                     continue
                 if key != pair[0]:
                     break
-                if plain is not None and is_plain(pair[1]):
-                    plain.number = float(pair[1])
-                elif not self._update_row(row, pair):
+                slots = self._rows[row]
+                value = slots[0] if len(slots) == 1 else None
+                if value is not None and value.plain and is_plain(pair[1]):
+                    value.number = float(pair[1])
+                elif not self._update_row(slots, pair):
                     break
                 changed = True
             else:
                 return changed
         self._rebuild(pairs)
-        self._marks.note(Mark.SERIES)
+        self.marks.note(Mark.SERIES)
         return True
 
     def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
@@ -303,17 +296,12 @@ class ComponentValues:
             return [[] for _pair in pairs]
         self.parse()
         return [
-            [value for value in self._numbers(row) if value is not None and not value.rejected]
-            for row in range(len(pairs))
+            [value for value in slots if value is not None and not value.rejected]
+            for slots in self._rows
         ]
 
-    def _numbers(self, row: int) -> list[ExportedValue | None]:
-        plain = self._plain[row]
-        return self._rows[row] if plain is None else [plain]
-
-    def _update_row(self, row: int, pair: tuple[str, str]) -> bool:
+    def _update_row(self, slots: list[ExportedValue | None], pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value; False if how many, or a unit, changed."""
-        slots = self._numbers(row)
         if slots == [None] and self._is_list_beyond(pair):
             return True
         found = self._read(*pair)
@@ -339,7 +327,7 @@ class ComponentValues:
         else:
             reason = "unit_changed" if number.unit != value.unit else None
         if reason is not None:
-            self._reject(reason, number.key)
+            self.reject(reason, number.key)
         return reason is not None
 
     def _rebuild(self, pairs: Pairs) -> None:
@@ -348,58 +336,44 @@ class ComponentValues:
         self._pairs = kept
         self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
-        for row, pair in enumerate(pairs):
-            numbers = self._add_all(pair, taken)
-            plain = self._plain_value(pair[0], numbers)
-            self._plain.append(plain)
-            if plain is None:
-                self._rows[row] = numbers
+        self._rows = [self._add_all(pair, taken) for pair in pairs]
 
     def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
         if self._is_list_beyond(pair):
             return [None]
         found = self._read(*pair)
         rule = self._rules.get(pair[0])
-        return [self._add(number, rule, taken) for number in found]
-
-    def _plain_value(self, key: str, numbers: list[ExportedValue | None]) -> ExportedValue | None:
-        """The number of a key-value of which a text without a unit changes nothing else."""
-        value = numbers[0] if len(numbers) == 1 else None
-        if value is None or value.rejected or self._rules.get(key) is not None:
-            return None
-        return value if [each.unit for each in parse_numbers(key, "1")] == [value.unit] else None
+        numbers = [self._add(number, rule, taken) for number in found]
+        for value in numbers if rule is None and len(numbers) == 1 else ():
+            if value is not None and not value.rejected:
+                value.plain = value.unit == unit_in_name(found[0].key)
+        return numbers
 
     def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
         """Count a list that a limit rejects: parsing it would cost as much as 32 numbers."""
         key, text = pair
         reason = self._limit() if text.lstrip()[:1] in ("[", "(") else None
         if reason is not None:
-            self._reject(reason, key)
+            self.reject(reason, key)
         return reason is not None
 
     def _limit(self) -> RejectionReason | None:
         """The limit that rejects one more number, if there is one."""
-        if len(self._all) >= self._limits[0]:
+        if len(self._all) >= self.limits[0]:
             return "value_limit"
-        return self._series_limit.exceeded_by(1)
+        return self.series_limit.exceeded_by(1)
 
     def _read(self, key: str, text: str) -> tuple[Number, ...]:
-        rule = None if self._find_rule is None else self._rule(key)
+        rule = None if self.find_rule is None else self._rule(key)
         if rule is None:
             return parse_numbers(key, text)
-        if not rule.keep:
-            return ()
-        if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
-            found: tuple[Number, ...] = (Number(key.strip(), "", number),)
-        else:
-            found = parse_numbers(key, text)
-        return tuple(_apply(rule, number) for number in found)
+        return read_by(rule, key, text)
 
     def _rule(self, key: str) -> ValueRule | None:
-        if key not in self._rules and self._find_rule is not None:
-            if len(self._rules) >= 2 * self._limits[0]:
+        if key not in self._rules and self.find_rule is not None:
+            if len(self._rules) >= 2 * self.limits[0]:
                 self._rules.clear()  # a robot that invents keys without end
-            self._rules[key] = self._find_rule(key)
+            self._rules[key] = self.find_rule(key)
         return self._rules.get(key)
 
     def _add(
@@ -411,18 +385,18 @@ class ComponentValues:
         """
         reason = self._limit()
         if reason is not None:
-            self._reject(reason, number.key)
+            self.reject(reason, number.key)
             return None
-        key = unique_name(truncate(number.key, self._limits[1]), taken, "#")
+        key = unique_name(truncate(number.key, self.limits[1]), taken, "#")
         unit = self._unit(key, number)
         value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
         if unit != number.unit and math.isfinite(number.value):
             value.rejected = True
-            self._reject("unit_changed", key)
+            self.reject("unit_changed", key)
             return value
-        reason = self._series_limit.add(value.series)
+        reason = self.series_limit.add(value.series)
         if reason is not None:
-            self._reject(reason, key)
+            self.reject(reason, key)
             return None
         self._series += value.series
         self._all.append(value)
@@ -432,11 +406,21 @@ class ComponentValues:
         """The unit that the key had at first; "nan" and "inf" have none."""
         if not math.isfinite(number.value):
             return self._units.get(key, number.unit)
-        if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+        if key not in self._units and len(self._units) >= 2 * self.limits[0]:
             self._units.clear()  # a robot that invents keys without end
         return self._units.setdefault(key, number.unit)
 
 
-def _apply(rule: ValueRule, number: Number) -> Number:
-    unit = number.unit if rule.unit is None else rule.unit
-    return Number(number.key, unit, number.value * rule.scale + rule.offset)
+def read_by(rule: ValueRule, key: str, text: str) -> tuple[Number, ...]:
+    """All numbers in one key-value that a rule of fleet.yml selects."""
+    if not rule.keep:
+        return ()
+    if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
+        found: tuple[Number, ...] = (Number(key.strip(), "", number),)
+    else:
+        found = parse_numbers(key, text, is_judged=bool(rule.thresholds))
+    unit = rule.unit
+    return tuple(
+        Number(each.key, each.unit if unit is None else unit, each.value * rule.scale + rule.offset)
+        for each in found
+    )

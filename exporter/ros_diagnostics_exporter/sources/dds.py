@@ -173,6 +173,10 @@ class DdsDomain(Reception):
         return taken[0]
 
     @override
+    def number(self, taken: tuple[bytes, Mapping[str, int | None]]) -> int:
+        return taken[1]["publication_sequence_number"] or 0
+
+    @override
     def measure(self, link: Link, taken: tuple[bytes, Mapping[str, int | None]]) -> None:
         info = taken[1]
         number, sent = info["publication_sequence_number"], info["source_timestamp"]

@@ -198,6 +198,10 @@ class Reception(ABC):
     def data(self, taken: Any) -> bytes:
         """The bytes of what was taken."""
 
+    def number(self, taken: Any) -> int:  # noqa: ARG002 - of those that override
+        """The publisher's number of what was taken; 0 where the middleware does not say it."""
+        return 0
+
     def measure(self, link: Link, taken: Any) -> None:  # noqa: ARG002 - of those that override
         """Note by what was taken how it arrived, where the middleware says so."""
         return
@@ -366,7 +370,7 @@ class Reception(ABC):
             self.measure(topic.content.link, taken)
             data = self.data(taken)
             largest = max(largest, len(data))
-            self._put(name, topic.content, data)
+            self._put(name, topic.content, data, self.number(taken))
             taken = topic.take() if time.monotonic() < until else None
         dropped = topic.content.queue.dropped()
         if dropped:
@@ -382,9 +386,9 @@ class Reception(ABC):
             depth = max(1, MAX_HISTORY // largest)
             self._subscribe(name, topic.offer, depth, topic.content)
 
-    def _put(self, name: str, content: Content, data: bytes) -> None:
+    def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
         if len(data) <= MAX_MESSAGE:
-            content.queue.put(data)
+            content.queue.put(data, number)
             self._waiting[name] = content
         else:
             error = f"{len(data)} bytes, more than {MAX_MESSAGE} are not decoded"
@@ -420,9 +424,9 @@ class Reception(ABC):
             spent.ingest += end - decoded
 
     def _decode(self, name: str, content: Content, now: Instant) -> Array | None:
-        data = content.queue.get()
+        data, number = content.queue.get()
         try:
-            return content.decoder.decode(data) if is_cdr(data) else self.decode(data)
+            return content.decoder.decode(data, number) if is_cdr(data) else self.decode(data)
         except ValueError as error:
             self._undecodable(name, str(error), now)
             return None

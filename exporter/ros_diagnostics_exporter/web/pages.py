@@ -6,7 +6,7 @@ Here is what they show; `templates/` has how. Every text is escaped there, by Ji
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby, islice
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -345,9 +345,18 @@ def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Co
     for state, component in rows[:MAX_LISTED]:
         values = [] if state == "OK" else component["values"][:left]
         left -= len(values)
-        of = component_path(component), _mark(component), component_text(component)
+        text = "; ".join(filter(None, (component_text(component), *_unread(component))))
+        of = component_path(component), _mark(component), text
         shown.append(_Component(state, *of, values))
     return shown
+
+
+def _unread(component: dict[str, Any]) -> Iterator[str]:
+    """Which of its values have thresholds that cannot be judged."""
+    for value in component["values"]:
+        if value["number"] is None and "thresholds" in value:
+            what = f"{value['key']} = '{value['value']}'"
+            yield f"{what} is no number, its thresholds cannot be judged"
 
 
 def _mark(component: dict[str, Any]) -> str:

@@ -107,12 +107,12 @@ def test_levels_are_mapped_by_the_rule(fleet_of):
         profiles:
           default:
             components:
-              - {match: Laser, levels: {ERROR: WARN, STALE: OK}, planned_stale: true}
+              - {match: Laser, levels: {ERROR: WARN, stale: ok, 255: OK}, planned_stale: true}
     """)
         .profiles["default"]
         .components[0]
     )
-    assert (dict(rule.levels), rule.planned_stale) == ({2: 1, 3: 0}, True)
+    assert (dict(rule.levels), rule.planned_stale) == ({2: 1, 3: 0, 255: 0}, True)
 
 
 VALUES = """

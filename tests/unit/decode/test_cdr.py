@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.decode.cdr import MAX_CACHED, Decoder, decode, is_cdr
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_exporter.sources import dds as ros
 from virtual_robots.model import Status as SentStatus
 from virtual_robots.recording.cdr import encode_array
@@ -35,7 +35,7 @@ def test_what_was_encoded_is_decoded(sent):
 
     found = decode(data)
 
-    assert found == (12.5, tuple(sent), len(data), data)
+    assert found == Array(12.5, tuple(sent), len(data), data)
     for values in filter(None, (each.values for each in found.statuses)):
         assert max(len(text) for pair in values for text in pair) < values.size
 

@@ -18,7 +18,7 @@ def test_messages_come_out_in_the_order_in_which_they_arrived():
     for message in (b"one", b"two", b"three"):
         queue.put(message)
 
-    assert [queue.get() for _ in range(len(queue))] == [b"one", b"two", b"three"]
+    assert [queue.get()[0] for _ in range(len(queue))] == [b"one", b"two", b"three"]
     assert not queue.dropped()
     with pytest.raises(IndexError):
         queue.get()
@@ -30,7 +30,7 @@ def test_beyond_the_number_of_messages_the_oldest_are_dropped_and_counted_once()
         queue.put(b"%d" % number)
 
     assert len(queue) == MAX_MESSAGES
-    assert queue.get() == b"3"
+    assert queue.get() == (b"3", 0)
     assert (queue.dropped(), queue.dropped()) == (3, 0)
 
 
@@ -38,11 +38,11 @@ def test_beyond_the_bytes_the_oldest_are_dropped_and_the_newest_stays_however_la
     queue = TopicQueue()
     for letter in (b"a", b"b", b"c"):
         queue.put(letter * (MAX_BYTES // 2))
-    assert [queue.get()[:1] for _ in range(len(queue))] == [b"b", b"c"]
+    assert [queue.get()[0][:1] for _ in range(len(queue))] == [b"b", b"c"]
 
     queue.put(b"small")
     queue.put(b"x" * (MAX_BYTES + 1))
-    assert [len(queue.get()) for _ in range(len(queue))] == [MAX_BYTES + 1]
+    assert [len(queue.get()[0]) for _ in range(len(queue))] == [MAX_BYTES + 1]
     assert queue.dropped() == 2
 
 

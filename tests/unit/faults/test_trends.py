@@ -156,3 +156,31 @@ def test_the_forecast_is_that_of_the_line_through_the_samples():
     assert forecast(deque([4.0, 3.0, 2.0, 1.0]), 5) == pytest.approx(-4.0)
     # As predict_linear() has it: slope 0.9, 3.6 at the last.
     assert forecast(deque([1.0, 2.0, 2.0, 4.0]), 0) == pytest.approx(3.6)
+
+
+@pytest.mark.parametrize("others", [(10,), (3, 12), range(18)])
+def test_what_is_no_number_erases_nothing(others):
+    """As long as more than half of the samples are: nine of 16 after minute 27."""
+    numbers = drain(60.5, 40)
+    for minute in others:
+        numbers[minute] = float("nan")
+    begun = 29 if len(others) == 18 else 24
+    assert follow(battery(), numbers)[:1] == [f"{begun} began {FALLING}"]
+
+
+def test_what_falls_and_then_is_no_number_goes_on():
+    known = battery()
+    assert follow(known, drain(60, 30)) == [f"24 began {FALLING}"]
+    assert follow(known, [float("nan")] * 60, 30) == []
+    assert follow(known, [90.0] * 30, 90) == [f"99 recovered {FALLING}"]
+
+
+def test_another_time_over_which_it_falls_begins_anew():
+    known = battery()
+    assert follow(known, drain(99, 20, 0.1)) == []  # in half an hour at 94 %
+
+    def configure(faults, now):
+        return faults.configure(FaultSettings(falling=Falling(over=60.0, ahead=36_000.0)), now)
+
+    known.go(20 * MINUTE, configure)
+    assert follow(known, [97.0] * 20, 20) == []

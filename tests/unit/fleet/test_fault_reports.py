@@ -139,14 +139,19 @@ def test_a_component_that_the_config_ignores_goes_with_its_fault_and_may_come_ba
     assert driver.level("Motor") == ERROR
 
 
-def test_a_component_in_another_group_takes_its_fault_along():
+def test_a_component_in_another_group_keeps_the_name_of_its_fault_until_that_is_over():
     driver = StateDriver(Source.AGG)
     driver.agg_every(1, 60, *tree(Old=[HOT, LASER]))
-    (before,) = driver.state.faults()
-    driver.agg(*tree(New=[HOT, LASER]))
-    assert driver.fault_names() == {("component", "critical", "r", "/New", "Motor")}
-    (after,) = driver.state.faults()
-    assert (after.since, after.confirmed) == (before.since, before.confirmed)
+    before = driver.state.faults()
+    driver.agg_every(1, 120, *tree(New=[HOT, LASER]))
+    assert driver.state.faults() == before
+    assert {each.label: each.group for each in driver.robot.components} == {
+        "Motor": "/Old",
+        "Laser": "/New",
+    }
+    driver.agg_every(1, 140, *tree(New=[MOTOR, LASER]))
+    assert [each.reason for each in driver.state.served()[1]] == ["recovered"]
+    assert {each.group for each in driver.robot.components} == {"/New"}
 
 
 def flap_ratios(driver) -> tuple[float, float]:

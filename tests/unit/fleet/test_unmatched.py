@@ -54,7 +54,9 @@ def received(driver: StateDriver, seconds: float) -> list[dict[str, str]]:
         driver.raw(MOTOR)
         driver.state.find_unmatched(driver.now)  # while the motor is OK: before, it was STALE
         driver.state.tick(driver.now)
-    return list(fleet_snapshot(driver.state, driver.now)["unmatched"])
+    found = fleet_snapshot(driver.state, driver.now)["unmatched"]
+    assert {each.pop("why") for each in found} <= {"matches nothing"}
+    return list(found)
 
 
 def test_what_matches_is_not_reported(tmp_path):
@@ -98,6 +100,28 @@ def test_what_matches_nothing_is_reported_after_five_minutes(tmp_path, caplog, r
     near = f"; the nearest is {nearest!r}" if nearest else ""
     lines = [each.getMessage() for each in caplog.records]
     assert lines == [f"fleet.yml: {reported} matches nothing{near}"]
+
+
+def test_a_value_with_thresholds_that_is_no_number_is_reported(tmp_path, caplog, serve, capsys):
+    driver = driver_of(tmp_path, MATCHING)
+    odd = MOTOR._replace(values=(("Level", "abc"), ("Temperature (°C)", "41")))
+    for at in range(30, 2 * int(GRACE), 30):
+        driver.at(at)
+        driver.raw(odd)
+        driver.state.find_unmatched(driver.now)
+    said = (
+        "value component Motor 1, key Level = 'abc' of r is no number, its thresholds cannot be "
+        "judged"
+    )
+    assert [str(each) for each in driver.state.unmatched.entries] == [said]
+    assert [each.getMessage() for each in caplog.records] == [f"fleet.yml: {said}"]
+    snapshot = json.loads(json.dumps(fleet_snapshot(driver.state, driver.now)))
+    (value, _other) = snapshot["robots"][0]["components"][0]["values"]
+    assert (value["number"], bool(value["thresholds"])) == (None, True)
+    server = serve(fleet_snapshot=lambda: snapshot)
+    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
+    assert main([*check, f"--live=http://{server.addresses[0]}"]) == 0
+    assert f"unmatched (1):\n  {said}" in capsys.readouterr().out
 
 
 def test_the_five_minutes_are_over_at_their_end():

@@ -430,7 +430,7 @@ def persisted(state: FleetState, now: Instant) -> dict[str, PersistedRobot]:
     """What would be written of each robot, but for what is written once an hour."""
     found = {name: robot.persist(now) for name, robot in state.robots.items()}
     return {
-        name: robot._replace(components=[*map(_without_slow, robot.components)])
+        name: replace(robot, components=[*map(_without_slow, robot.components)])
         for name, robot in found.items()
     }
 
@@ -451,7 +451,7 @@ def rows_of(path: Path) -> dict[str, object]:
 
 def _without_slow(component: PersistedComponent) -> PersistedComponent:
     message = "" if component.level == OK else component.message
-    return component._replace(listed=0.0, message=message)
+    return replace(component, listed=0.0, message=message)
 
 
 def check(history: list[tuple[tuple[object, ...], str]]) -> None:

@@ -10,8 +10,8 @@ import pytest
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Source
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.model import Status
-from support.state_driver import ERROR, OK, STALE, WALL, StateDriver, tree
+from ros_diagnostics_exporter.model import Instant, Status
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 SERIAL, MOTOR = Status(ERROR, "rosserial", "lost sync"), Status(OK, "Motor")
 RULE = ComponentRule(re.compile("rosserial"), reports="on_change")
@@ -158,3 +158,61 @@ def test_it_is_over_in_time_although_nothing_else_is_due(source):
     assert level(driver)[0] == "ERROR"
     driver.at(2.25)
     assert level(driver) == ("OK", "not reported again for 2s")
+
+
+@pytest.mark.parametrize("gap", [300, 3_600])
+def test_silence_does_not_count_towards_its_end(gap):
+    """What could not be published again has not ended."""
+    driver = once(ENDS)
+    stand(driver, 500)
+    driver.at(driver.now.mono + gap)
+    stand(driver, 60)
+    assert (driver.fault_names(), level(driver)[0]) == (CRITICAL, "ERROR")
+    stand(driver, 60)
+    assert driver.fault_names() == set()
+    assert level(driver) == ("OK", "not reported again for 10m")
+
+
+def test_what_was_published_as_stale_does_not_end_in_silence():
+    driver = once(ENDS, status=SERIAL._replace(level=STALE))
+    stand(driver, 100)
+    driver.at(driver.now.mono + 3_600)
+    assert level(driver)[0] == "STALE"
+    stand(driver, 100)
+    assert level(driver)[0] == "STALE"
+    assert ("component", "stale", "r", "rosserial") in driver.fault_names()
+
+
+def test_a_stop_of_the_exporter_does_not_count_towards_its_end(tmp_path):
+    driver = once(ENDS)
+    stand(driver, 500)
+    again = driver.again(tmp_path / "state", after=3_600.0)
+    stand(again, 90)
+    assert (again.fault_names(), level(again)[0]) == (CRITICAL, "ERROR")
+    stand(again, 20)
+    assert again.fault_names() == set()
+
+
+def test_a_pause_of_the_process_does_not_count_towards_its_end():
+    driver = once(ENDS)
+    stand(driver, 500)
+    driver.now = Instant(driver.now.mono + 300, driver.now.wall + 300)
+    stand(driver, 90)
+    assert driver.fault_names() == CRITICAL
+
+
+@pytest.mark.parametrize("has_restart", [False, True])
+def test_the_levels_of_fleet_yml_apply_once_to_what_resumes(tmp_path, has_restart):
+    rule = replace(RULE, levels={ERROR: WARN, WARN: OK})
+    driver = once(rule)
+    stand(driver, 12)
+    before = driver.fault_names()
+    assert before == {("component", "warning", "r", "rosserial")}
+    driver.at(driver.now.mono + 120)
+    if has_restart:
+        driver = driver.again(tmp_path / "state")
+    stand(driver, 60)
+    assert (driver.fault_names(), level(driver)[0]) == (before, "WARN")
+    assert "recovered" not in [
+        each.reason for each in driver.state.served()[1] if each.fault.identity.component
+    ]

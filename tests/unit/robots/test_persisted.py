@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.config.fleet import Profile, Source
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.robots.persisted import ROBOT
 from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
 
 MOTOR, ARM = Status(OK, "Motor", "fine", "m-1"), Status(ERROR, "Arm", "stuck")
@@ -25,12 +31,12 @@ def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path
 
     later = driver.again(tmp_path / "state", after=30.0)
     after = later.robot.persist(later.now)
-    assert [each._replace(before_stale=None) for each in after.components] == before.components
-    assert after._replace(components=before.components) == before
+    assert [replace(each, before_stale=None) for each in after.components] == before.components
+    assert replace(after, components=before.components) == before
     found = [later.component(name) for name in ("Motor", "Arm")]
     assert [each.level for each in found] == [STALE, STALE]
     assert [each.before_stale for each in found] == [OK, ERROR]
-    assert [each.level_before_silence for each in found] == [OK, ERROR]
+    assert [each.published for each in found] == [OK, ERROR]
 
     later.raw(MOTOR, ARM)
     motor, arm = later.robot.persist(later.now).components
@@ -38,3 +44,33 @@ def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path
     assert (arm.level, arm.since, arm.listed) == (ERROR, WALL + 5, later.now.wall)
     later.raw(MOTOR, ARM._replace(level=OK))
     assert [each.level for each in later.robot.persist(later.now).components] == [OK, OK]
+
+
+def test_a_reload_before_the_first_array_is_no_change(tmp_path: Path):
+    driver = StateDriver()
+    driver.raw(MOTOR, ARM)
+    later = driver.again(tmp_path / "state", after=600.0)
+    (robot,) = later.state.fleet.robots
+    fleet = replace(later.state.fleet, robots=(replace(robot, profile=Profile(forget_after=9e4)),))
+    events = list(later.events)
+    later.state.configure(fleet, later.now)
+    assert later.events == events
+    later.raw(MOTOR, ARM)
+    motor, arm = later.robot.persist(later.now).components
+    assert [(each.level, each.since) for each in (motor, arm)] == [(OK, WALL), (ERROR, WALL)]
+    assert "level" not in [each.kind for each in later.events[len(events) :]]
+    assert [each.changes for each in later.robot.components] == [0, 0]
+
+
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=300)
+statuses = st.lists(st.builds(Status, st.integers(0, 255), texts, texts, texts), max_size=5)
+
+
+@given(st.lists(st.tuples(st.sampled_from(["raw", "agg"]), statuses), max_size=4))
+def test_whatever_is_written_of_a_robot_can_be_read(arrays: list[tuple[str, list[Status]]]):
+    driver = StateDriver(Source.BOTH)
+    for topic, sent in arrays:
+        getattr(driver, topic)(*sent)
+        driver.at(driver.now.mono + 6)
+    written = driver.robot.persist(driver.now)
+    assert ROBOT.validate_json(written.as_json()) == written

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
@@ -17,6 +18,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Source,
 )
+from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.model import Endpoint, Status
@@ -224,6 +226,30 @@ def test_one_name_with_two_hardware_ids_in_one_array_is_two_components():
     assert driver.level("Motor 1 [left]") == OK
     assert driver.level("Motor 1 [right]") == ERROR
     assert len(driver.robot.components) == 2
+
+
+def test_fleet_yml_says_what_a_level_means_that_ros_does_not_know(tmp_path):
+    """An aggregator of a maker: what was not started yet has level 255."""
+    (tmp_path / "fleet.yml").write_text(
+        """
+        fleet: f
+        profiles: {default: {components: [{match: {regex: .}, levels: {255: ok, 4: error}}]}}
+        robots: [{name: r, topic: /r/diagnostics_agg}]
+        """
+    )
+    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    sonar = Status(255, "Stream", "Not started")
+    driver.agg_every(1, 60, *tree(Sonar=[sonar, Status(4, "Setup", "failed")]))
+    assert driver.fault_names() == {("component", "critical", "r", "/Sonar", "Setup")}
+    assert driver.component("Stream").level == OK
+    assert driver.robot.rejected["bad_level"] == 0
+    (shown, _setup) = fleet_snapshot(driver.state, driver.now)["robots"][0]["components"]
+    assert (shown["level"], shown["reported_level"]) == ("OK", "ERROR")
+
+    (robot,) = driver.state.fleet.robots
+    other = replace(driver.state.fleet, robots=(replace(robot, profile=Profile()),))
+    driver.state.configure(other, driver.now)
+    assert driver.component("Stream").level == ERROR
 
 
 def test_an_id_that_is_filled_in_later_is_information_only():

@@ -45,6 +45,13 @@ NUMBERS = [
     ("Blanks", " 1.5\n", "", 1.5),
     ("Dot", ".5", "", 0.5),
     ("Zero", "0", "", 0.0),
+    ("Charge (%)", "9,5", "%", 9.5),  # a comma where others have a point
+    ("Charge", "85,0 %", "%", 85.0),
+    ("Charge", "9.5 [%]", "%", 9.5),
+    ("Core", "92.0 [degC]", "degC", 92.0),
+    ("Core", "92.0 (°C)", "degC", 92.0),
+    ("Offset", "-0,125 m", "m", -0.125),
+    ("Ratio", "3,1416 V", "V", 3.1416),
 ]
 
 REFUSED = [
@@ -76,6 +83,17 @@ REFUSED = [
     ("Long", str([1] * (MAX_ELEMENTS + 1))),
     ("Empty", ""),
     ("Minus", "-"),
+    ("Distance (m)", "1,234"),
+    ("Distance (m)", "1,234,567"),
+    ("Distance (m)", "1,5,3"),
+    ("Distance (m)", "1.234,5"),
+    ("Distance (m)", "00,5"),
+    ("Firmware version", "2,0"),
+    ("Release", "2.5.0"),
+    ("Date", "26.11.2026"),
+    ("Cores", "3,4"),  # perhaps two of them
+    ("Summary", "5 [errors]"),
+    ("Register", "5 [4]"),
 ]
 
 
@@ -90,6 +108,11 @@ def test_a_number_is_found_with_its_unit(key, text, unit, number):
 @pytest.mark.parametrize(("key", "text"), REFUSED)
 def test_what_is_no_measurement_is_refused(key, text):
     assert parse_numbers(key, text) == ()
+
+
+def test_with_thresholds_a_comma_needs_no_unit():
+    assert [each.value for each in parse_numbers("Charge", "9,5", is_judged=True)] == [9.5]
+    assert parse_numbers("Charge", "1,234", is_judged=True) == ()
 
 
 def test_a_list_gives_one_number_for_each_element():
