@@ -278,7 +278,7 @@ def _content(chunk: Chunk) -> bytes:
         if kind not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
             raise ValueError("a record in it is damaged")
         at += HEADER + length
-    return content
+    return bytes(content)
 
 
 def _first_records(chunk: Chunk) -> list[McapRecord]:

@@ -45,7 +45,9 @@ INPUT = {
     f'ros_diagnostics_fault_end_timestamp_seconds{{{FAULT}, reason="recovered"}}': (
         "_x120 1200x119 stale"
     ),
-    f'ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}, evidence="silent"}}': "_x300 3000x120",
+    (
+        f'ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}, evidence="silent"}}'
+    ): "_x300 3000x120",
 }
 # What availability.yml records of two hours: it is asked for as it is, because promtool evaluates
 # all rules at one interval, and these have one of their own.
