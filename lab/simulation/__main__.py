@@ -6,6 +6,7 @@ import argparse
 import sys
 import time
 
+from simulation import features
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
@@ -14,6 +15,8 @@ from simulation.story import Story, generate
 def main() -> int:
     """Play the seeds; 1 where one of them fails."""
     options = _parser().parse_args()
+    if options.features:
+        return _play_features(range(options.seed, options.seed + options.features))
     for seed in range(options.seed, options.seed + options.seeds):
         story = generate(seed, options.robots, options.days, lose=options.lose, able=options.able)
         begin = time.perf_counter()
@@ -30,6 +33,20 @@ def main() -> int:
             f"{options.days * 86_400 / seconds:,.0f} times real time",
             flush=True,
         )
+    return 0
+
+
+def _play_features(seeds: range) -> int:
+    """Play short histories of a small fleet that uses every feature; 1 where one fails."""
+    begin, seed = time.perf_counter(), seeds.start
+    try:
+        for seed in seeds:
+            features.play(features.random_history(seed))
+    except AssertionError as error:
+        print(f"seed {seed} fails: {error}\n{[*features.random_history(seed)]}", flush=True)
+        return 1
+    seconds = time.perf_counter() - begin
+    print(f"{len(seeds)} histories of a fleet that uses every feature in {seconds:.0f} s")
     return 0
 
 
@@ -61,6 +78,13 @@ def _parser() -> argparse.ArgumentParser:
         "--able",
         action="store_true",
         help="judge what the robots can do, too, by parts of which some fail together",
+    )
+    parser.add_argument(
+        "--features",
+        type=int,
+        metavar="N",
+        default=0,
+        help="in place of all that: N short histories of a small fleet that uses every feature",
     )
     parser.add_argument(
         "--no-shrink", action="store_true", help="do not reduce a failing seed to a few events"

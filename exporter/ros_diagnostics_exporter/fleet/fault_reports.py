@@ -153,6 +153,8 @@ class FaultReports:
             self._report_domains(now)
             self._record(self.engine.clocks(self._clocks(), now))
             self._report_fleet(now)
+            for reports in self._robots.values():
+                self._record(reports.end_unrepeated(self.engine, now))
         self._record(self.engine.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> list[Row]:
@@ -270,16 +272,20 @@ class FaultReports:
                 changes = reports.configure(self.engine, now)
                 self._record(changes + reports.update(self.engine, now))
 
-    def forget(self, robot: str, now: Instant) -> None:
-        """Note that nothing of a robot is to be held any more, whether it is known here or not."""
-        now = self._time(now)
-        self.engine.forget(robot, now)
-        reports = self._robots.get(robot)
-        if reports is None:
-            return
-        for name in self.engine.component_names(robot):
-            if reports.find(name) is None:  # adopted, never received
-                self._record(self.engine.forget_component(robot, name, now))
+    def forget(self, robot: str, component: str | None, now: Instant) -> int:
+        """Note that nothing of a robot, or of its components of one name, is to be held any more.
+
+        Also of one that is not known here. Returns how many of its components were never received:
+        their faults were adopted, and end here.
+        """
+        now, reports = self._time(now), self._robots.get(robot)
+        if component is None:
+            self.engine.forget(robot, now)
+        adopted = [] if reports is None else reports.adopted(self.engine)
+        wanted = [name for name in adopted if component in (None, name.component)]
+        for name in wanted:
+            self._record(self.engine.forget_component(robot, name, now))
+        return len(wanted)
 
     def keeps(self, robot: RobotState, component: Component | None = None) -> bool:
         """Whether a component, or a robot without any, has a problem and is not to be forgotten.

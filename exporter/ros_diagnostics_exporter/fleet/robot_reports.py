@@ -64,6 +64,7 @@ class RobotReports:
         self._measured: frozenset[ComponentName] = frozenset()  # by queries
         self._received: set[Component] | None = None  # since its return, where that matters
         self._first: set[Component] = set()  # of these, with the report under way
+        self._up_since = 0.0  # monotonic
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
@@ -111,26 +112,43 @@ class RobotReports:
         if robot.maintained != self.maintained:
             self.maintained = robot.maintained
             changes += faults.components_in_maintenance(name, robot.maintained, now)
-        return changes
+        return changes + self._follow_config(faults, now)
 
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.is_up, self.maintenance = None, False, self.robot.maintenance
         self.maintained, self.cut_off = self.robot.maintained, False
         self._names, self.read = _names(self.robot.components), self.robot.marks.count
-        changes = self.configure(faults, now) + self._follow_config(faults, now)
-        name = self.robot.settings.name
+        changes, name = self.configure(faults, now), self.robot.settings.name
         return changes + faults.components_in_maintenance(name, self.maintained, now)
+
+    def adopted(self, faults: Faults) -> list[ComponentName]:
+        """The components that have problems and were never received here."""
+        known = {
+            ComponentName(identity.group, identity.component)
+            for identity in faults.identities(self.robot.settings.name)
+            if identity.component
+        }
+        return sorted(known.difference(self._names.values()))
+
+    def end_unrepeated(self, faults: Faults, now: Instant) -> list[Change]:
+        """End what an earlier process knew, and the robot has not repeated for its ends_after."""
+        robot, changes = self.robot.settings, list[Change]()
+        if self._presence != "up" or not faults.in_trouble(robot.name):
+            return changes
+        for name in self.adopted(faults):
+            rule = component_rule(robot.profile, name.component)
+            after = None if rule is None else rule.ends_after
+            if after is not None and now.mono - self._up_since >= after:
+                healthy = ComponentReport(name, Level.OK, ComponentSettings())
+                total = len(self.robot.components)
+                changes += faults.components_changed(robot.name, [healthy], total, now)
+        return changes
 
     def _follow_config(self, faults: Faults, now: Instant) -> list[Change]:
         """Follow what the config of before the start did not: ignored components, other names."""
         robot, changes = self.robot.settings, list[Change]()
-        known = {
-            ComponentName(identity.group, identity.component)
-            for identity in faults.identities(robot.name)
-            if identity.component
-        }
-        for name in sorted(known.difference(self._names.values())):
+        for name in self.adopted(faults):
             rule = component_rule(robot.profile, name.component)
             if rule is not None and rule.ignore:
                 changes += faults.forget_component(robot.name, name, now)
@@ -246,7 +264,7 @@ class RobotReports:
             last = robot.last_mono
             since = now if last is None else Instant(last, robot.last_wall)
             return faults.robot_silent(robot.settings.name, since, now)
-        self._everything = True
+        self._everything, self._up_since = True, now.mono
         self._received = set() if robot.settings.profile.boot_grace else None
         self._awaited.await_raw()
         return faults.robot_back(robot.settings.name, now)

@@ -289,14 +289,13 @@ class FleetState(WatchedFleet):
         """
         with self._lock:
             robot = self._registry.robots.get(name)
-            if component is None:
-                self._faults.forget(name, now)
+            adopted = self._faults.forget(name, component, now)
             if robot is None:
                 if component is None:
                     return 0
                 raise LookupError(f"no robot {name!r}")
             found = [each for each in robot.components if component in (None, each.label)]
-            if component is not None and not found:
+            if component is not None and not (found or adopted):
                 raise LookupError(f"robot {name!r} has no component {component!r}")
             of_graph = [each.identity[0] for each in found if is_of_graph(each.identity)]
             for each in found:
@@ -308,7 +307,7 @@ class FleetState(WatchedFleet):
         with self._watching:
             for watched in of_graph:
                 self._watch.forget(name, watched, now)
-        return len(found)
+        return len(found) + adopted
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know.

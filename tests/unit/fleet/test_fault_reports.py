@@ -580,6 +580,39 @@ def test_a_person_forgets_what_fires_of_components_that_were_never_received_here
     assert [end.reason for end in after.state.served()[1] if end.fault] == ["removed"]
 
 
+def test_a_person_forgets_one_component_that_was_never_received_here():
+    before = settled(MOTOR, LASER)
+    before.stand(12, HOT, LASER)
+    after = without_database(before)
+    assert after.state.forget("r", "Motor", after.now) == 1
+    assert ("component", "critical", "r", "Motor") not in after.fault_names()
+    with pytest.raises(LookupError, match="has no component 'Motor'"):
+        after.state.forget("r", "Motor", after.now)
+
+
+def test_what_fires_of_a_component_that_the_config_ignores_now_ends_at_the_reload():
+    before = settled(MOTOR, LASER)
+    before.stand(12, HOT, LASER)
+    after = without_database(before)
+    after.raw_every(1, 60, LASER)
+    assert after.fault_names() == {("component", "critical", "r", "Motor")}
+    reloaded(after, components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    assert after.fault_names() == set()
+
+
+def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
+    rules = (ComponentRule(re.compile("Motor"), reports="on_change", ends_after=60.0),)
+    before = settled(MOTOR, LASER, components=rules)
+    before.stand(12, HOT, LASER)
+    after = without_database(before)
+    after.at(after.now.mono + 1_000)  # its robot is silent
+    begin = after.now.mono
+    after.raw_every(1, begin + 55, LASER)
+    assert ("component", "critical", "r", "Motor") in after.fault_names()
+    after.raw_every(1, begin + 65, LASER)
+    assert after.fault_names() == set()
+
+
 def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
     before = settled(MOTOR)
     before.stand(12, HOT)

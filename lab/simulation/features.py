@@ -1,0 +1,300 @@
+"""A small fleet that uses every feature at once, and what holds of it whatever happens.
+
+The features meet at random: capabilities, dependencies, planned STALE, uplinks, sites, common
+causes, many components, downtimes of robots and of components, hours of warnings, silence,
+flapping, restarts at any moment and other settings. What was delivered is noted in `Truth`, which
+the checks know instead of the engine's state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any
+
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentReport,
+    ComponentSettings,
+    Identity,
+    PartName,
+    ProblemView,
+    Reason,
+    RobotSettings,
+    Scope,
+    State,
+)
+from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
+from ros_diagnostics_exporter.model import Level
+from support.fault_histories import ERROR, OK, STALE, WARN, Event, Player, back, restart, silent
+
+LEVELS = (OK, OK, WARN, ERROR, ERROR, STALE)
+ROBOTS = ("r1", "r2", "r3", "r4")
+UPLINK = "ap"
+CONFIRM = 10.0
+# A problem that nothing explains is a fault this long after it is due: see `suppression.latest`,
+# and once more for what an explanation that was never a fault leaves behind it.
+PATIENCE = 2 * 60.0 + CONFIRM
+COMPONENTS = {
+    "board": ComponentSettings(CONFIRM, planned_stale=True),
+    "lidar upper": ComponentSettings(CONFIRM, depends_on=frozenset({("", "board")})),
+    "lidar lower": ComponentSettings(CONFIRM),
+    "motor": ComponentSettings(CONFIRM),
+    "camera": ComponentSettings(CONFIRM, depends_on=frozenset({("", "motor"), ("", "board")})),
+    "strict": ComponentSettings(CONFIRM, stale_is_critical=True),
+}
+VIEW = WantedCapability(
+    "view", AtLeast(1, (PartName(component="lidar upper"), PartName(component="lidar lower")))
+)
+DRIVING = WantedCapability("driving", AtLeast(None, (PartName(component="motor"),)))
+MINUTES = tuple((0, 827 + 4 * each, 829 + 4 * each) for each in range(20))
+FLEETS = (
+    FaultSettings(
+        site=CauseSettings(2, 0.5), common=CauseSettings(3, 0.5), many=CauseSettings(4, 0.5)
+    ),
+    FaultSettings(
+        site=CauseSettings(3, 0.7),
+        common=CauseSettings(2, 0.5),
+        many=CauseSettings(3, 0.3),
+        warning_hours=WarningHours(MINUTES, "UTC"),
+    ),
+)
+BY_A_PERSON = {Reason.MAINTENANCE, Reason.HOURS, Reason.CONDITION}
+
+
+# Seconds before it, what happens with its arguments, whether a new process goes on from the rows.
+Step = tuple[int, tuple[Any, ...], bool]
+
+
+@dataclass
+class Truth:
+    """What was last received of one component."""
+
+    level: Level = OK
+    since: float = 0.0  # of this level, the robot received and out of downtime
+    fresh: bool = False
+
+
+@dataclass
+class World:
+    """An engine, and what was delivered to it."""
+
+    player: Player = field(default_factory=lambda: Player(FLEETS[0]))
+    truth: dict[tuple[str, str], Truth] = field(default_factory=dict)
+    up: set[str] = field(default_factory=set)
+    second: float = 0.0
+    began: list[Identity] = field(default_factory=list)
+    grace: float = 0.0
+
+    def engine(self, *happened: Event) -> None:
+        """Let time pass, then these; nothing that is broken may recover."""
+        for what, fault, _at in self.player.go(self.second, *happened):
+            identity = fault.identity
+            known = self.truth.get((identity.robot, identity.component))
+            if what == "began":
+                self.began.append(identity)
+            elif what == "recovered" and identity.scope is Scope.COMPONENT:
+                assert known is not None
+                assert known.fresh, identity
+                worse = {State.CRITICAL: (ERROR,), State.STALE: (ERROR, STALE)}
+                assert known.level not in worse.get(identity.state, (ERROR, WARN, STALE)), identity
+
+    def array(self, robot: str, reported: Mapping[str, Level]) -> None:
+        """An array of a robot, if it is received."""
+        if robot not in self.up:
+            return
+        for name, level in reported.items():
+            known = self.truth.setdefault((robot, name), Truth())
+            if level != known.level or not known.fresh:
+                known.since = self.second
+            known.level, known.fresh = level, True
+        reports = [
+            ComponentReport(ComponentName("", name), level, COMPONENTS[name])
+            for name, level in reported.items()
+        ]
+        total = len(COMPONENTS)
+        self.engine(lambda faults, now: faults.components_changed(robot, reports, total, now))
+
+    def flash(self, robot: str, name: str, seconds: int, then: Level) -> None:
+        """A component is ERROR for some seconds."""
+        self.array(robot, {name: ERROR})
+        self.second += seconds
+        self.array(robot, {name: then})
+
+    def everywhere(self, name: str, level: Level) -> None:
+        """The same component of all robots."""
+        for robot in ROBOTS:
+            self.array(robot, {name: level})
+
+    def all_of(self, robot: str, level: Level) -> None:
+        """All components of a robot."""
+        self.array(robot, dict.fromkeys(COMPONENTS, level))
+
+    def silent(self, chosen: Iterable[str]) -> None:
+        """Robots fall silent."""
+        for robot in sorted(chosen):
+            self.up.discard(robot)
+            for (owner, _name), known in self.truth.items():
+                known.fresh = known.fresh and owner != robot
+            self.engine(silent(robot))
+
+    def back(self, robot: str) -> None:
+        """A robot is received again, as it was."""
+        if robot in self.up:
+            return
+        self.up.add(robot)
+        self.engine(back(robot))
+        known = {name: self.truth.get((robot, name), Truth()).level for name in COMPONENTS}
+        self.array(robot, known)
+
+    def uplink(self, level: Level) -> None:
+        """What a query measures of the uplink of all robots."""
+        how = ComponentSettings(CONFIRM, measured=True, uplink=True)
+        known = self.truth.setdefault((UPLINK, "ping"), Truth())
+        known.level, known.fresh, known.since = level, True, self.second
+        report = ComponentReport(ComponentName("", "ping"), level, how)
+        self.engine(lambda faults, now: faults.components_changed(UPLINK, [report], 1, now))
+
+    def downtime(self, robot: str, planned: bool) -> None:
+        """The planned downtime of a robot begins or ends."""
+        self._begin_anew(robot, COMPONENTS)
+        self.engine(lambda faults, now: faults.maintenance({robot: planned}, now))
+
+    def downtime_of(self, robot: str, chosen: Iterable[str]) -> None:
+        """Just these components of a robot are in a planned downtime."""
+        self._begin_anew(robot, COMPONENTS)
+        self.engine(
+            lambda faults, now: faults.components_in_maintenance(robot, frozenset(chosen), now)
+        )
+
+    def _begin_anew(self, robot: str, chosen: Iterable[str]) -> None:
+        for name in chosen:
+            known = self.truth.setdefault((robot, name), Truth())
+            known.since = self.second
+
+    def restart(self) -> None:
+        """The exporter is started again, and receives all robots at once."""
+        up = sorted(self.up)
+        self.engine(restart())
+        self.up.clear()
+        for known in self.truth.values():
+            known.fresh = False
+        self.engine(back(UPLINK))
+        for robot in up:
+            self.back(robot)
+
+    def fleet(self, how: FaultSettings) -> None:
+        """Other settings of the whole fleet."""
+        self.player.settings = how
+        self.engine(lambda faults, now: faults.configure(how, now))
+
+    # -- what holds --------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """What is freshly ERROR, due and no fault has a lasting fault that explains it."""
+        faults = self.player.faults
+        lasting = {fault.identity for fault in faults.faults()}
+        views = {view.identity: view for view in faults.problems(self.player.at(self.second))}
+        for (robot, name), known in self.truth.items():
+            late = self.second > known.since + CONFIRM + PATIENCE
+            if not (known.fresh and known.level == ERROR and late):
+                continue
+            identity = Identity(Scope.COMPONENT, State.CRITICAL, "", robot, "", name)
+            if identity in lasting:
+                continue
+            assert identity in views, identity
+            view = views[identity]
+            if view.suppressed in BY_A_PERSON or view.due > self.player.at(self.second).wall:
+                continue
+            assert self._is_reported(view.by, views, lasting), view
+
+    def _is_reported(
+        self, by: Identity | None, views: Mapping[Identity, ProblemView], lasting: set[Identity]
+    ) -> bool:
+        """Whether what explains it is a fault, or is explained by one, or waits for hours."""
+        if by is None:
+            return False
+        if by in lasting:
+            return True
+        view = views[by]
+        return view.suppressed in BY_A_PERSON or self._is_reported(view.by, views, lasting)
+
+
+def started() -> World:
+    """The fleet, received and healthy."""
+    world = World()
+    for robot in (*ROBOTS, UPLINK):
+        labels = {"site": "hall"} if robot == UPLINK else {"site": "hall", "uplink": UPLINK}
+        how = RobotSettings(labels, CONFIRM)
+        world.engine(
+            lambda faults, now, robot=robot, how=how: faults.configure_robot(
+                robot, how, now, declared=True
+            )
+        )
+    world.engine(back(UPLINK))
+    for robot in ROBOTS:
+        world.back(robot)
+        world.engine(
+            lambda faults, now, robot=robot: faults.configure_capabilities(
+                robot, [VIEW, DRIVING], now
+            )
+        )
+    return world
+
+
+def play(history: Iterable[Step]) -> World:
+    """Play a history and ten quiet minutes after it.
+
+    Raises:
+        AssertionError: something does not hold; it names the problem.
+    """
+    world = started()
+    for seconds, (what, *how), reborn in history:
+        world.second += seconds
+        world.engine()
+        world.check()
+        if reborn:
+            world.player.reborn(world.second)
+        getattr(world, what)(*how)
+    world.second += 600
+    world.engine()
+    world.check()
+    world.player.reborn(world.second)  # every row that was written can be read
+    world.engine()
+    world.check()
+    return world
+
+
+def random_history(seed: int) -> Iterator[Step]:
+    """Up to thirty steps: the same for the same seed."""
+    random = Random(seed)
+    for _ in range(random.randrange(4, 30)):
+        seconds = random.choice((0, 1, 5, 12, 30, 60, 90))
+        yield seconds, _random_event(random), random.random() < 0.3
+
+
+def _random_event(random: Random) -> tuple[Any, ...]:
+    robot, name, level = (
+        random.choice(ROBOTS),
+        random.choice(list(COMPONENTS)),
+        random.choice(LEVELS),
+    )
+    some = random.sample(list(COMPONENTS), random.randrange(1, 4))
+    arrays = ("array", robot, {each: random.choice(LEVELS) for each in some})
+    return random.choice(
+        (
+            *(arrays, arrays, arrays),
+            ("flash", robot, name, random.randrange(1, 15), level),
+            ("everywhere", name, level),
+            ("all_of", robot, level),
+            ("silent", set(random.sample(ROBOTS, random.randrange(1, 5)))),
+            *(("back", robot), ("back", robot)),
+            ("uplink", level),
+            ("downtime", robot, random.random() < 0.5),
+            ("downtime_of", robot, set(some[:2])),
+            ("restart",),
+            ("fleet", random.choice(FLEETS)),
+        )
+    )
