@@ -263,11 +263,11 @@ def _content(chunk: Chunk) -> bytes:
     """
     size = chunk.uncompressed_size
     limits.check(size, limits.CHUNK)
-    content = chunk.data
+    content: bytes = chunk.data
     if chunk.compression == "zstd":
         content = limits.unzstd(chunk.data, size)
     elif chunk.compression == "lz4":
-        content = LZ4FrameDecompressor().decompress(chunk.data, size + 1)
+        content = bytes(LZ4FrameDecompressor().decompress(chunk.data, size + 1))
     elif chunk.compression:
         raise ValueError(f"is compressed with {chunk.compression!r}, which is not known")
     if len(content) != size:
