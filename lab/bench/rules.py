@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -121,13 +122,22 @@ class Target:
                 self._state.receive(topic, aggregated_array(self._turn, level=2, of=of), now)
             self._state.tick(now)
         settled = b'ros_diagnostics_exporter_settled{fleet="bench"} 1\n'
-        self.faults = self._exposition.render(parts={Part.FAULTS}) + settled
+        faults = self._exposition.render(parts={Part.FAULTS})
+        self.faults = faults + settled + _with_info(faults)
         self.text = self._exposition.render(parts={Part.ROBOTS})
         return len(self._state.faults())
 
     def scrape(self, parts: Collection[Part]) -> bytes:
         """The text of one of both scrapes."""
         return self.faults if parts == {Part.FAULTS} else self.text
+
+
+START = re.compile(rb"^ros_diagnostics_fault_start_timestamp_seconds({.*}) ", re.MULTILINE)
+
+
+def _with_info(faults: bytes) -> bytes:
+    """The family of texts that faults had of their own, for the rules of commits that read it."""
+    return b"".join(b"ros_diagnostics_fault_info%s 1\n" % each for each in START.findall(faults))
 
 
 @contextmanager
