@@ -35,7 +35,7 @@ def is_received(running, robots: Publisher, name: str) -> None:
 
 
 def odd(running, domain_id: int) -> str:
-    return running.service._listener.oddities[domain_id]
+    return running.service.listener.oddities[domain_id]
 
 
 def test_a_topic_whose_name_is_no_utf_8_hides_no_new_robot(ros_domain, robots, run_exporter):
@@ -71,7 +71,7 @@ def test_what_is_wanted_is_subscribed_although_the_graph_cannot_be_listed(
     robot = Robot("r1", ros_domain, topic_raw="/r1/diagnostics", source=Source.RAW)
     running = run_exporter(Fleet("f", (robot,)))
     is_received(running, robots, "r1")
-    listener = running.service._listener
+    listener = running.service.listener
     until(lambda: listener.troubles[ros_domain], "it is not looked at", 30)
     why = "its ROS graph was not looked at for more than 2 s: the middleware cannot list its graph"
     assert listener.troubles[ros_domain] == why
