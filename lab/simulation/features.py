@@ -222,25 +222,23 @@ class World:
         return view.suppressed in BY_A_PERSON or self._is_reported(view.by, views, lasting)
 
 
+def _configured(robot: str) -> Event:
+    labels = {"site": "hall"} if robot == UPLINK else {"site": "hall", "uplink": UPLINK}
+    how = RobotSettings(labels, CONFIRM)
+    return lambda faults, now: faults.configure_robot(robot, how, now, declared=True)
+
+
+def _able(robot: str) -> Event:
+    return lambda faults, now: faults.configure_capabilities(robot, [VIEW, DRIVING], now)
+
+
 def started() -> World:
     """The fleet, received and healthy."""
     world = World()
-    for robot in (*ROBOTS, UPLINK):
-        labels = {"site": "hall"} if robot == UPLINK else {"site": "hall", "uplink": UPLINK}
-        how = RobotSettings(labels, CONFIRM)
-        world.engine(
-            lambda faults, now, robot=robot, how=how: faults.configure_robot(
-                robot, how, now, declared=True
-            )
-        )
-    world.engine(back(UPLINK))
+    world.engine(*map(_configured, (*ROBOTS, UPLINK)), back(UPLINK))
     for robot in ROBOTS:
         world.back(robot)
-        world.engine(
-            lambda faults, now, robot=robot: faults.configure_capabilities(
-                robot, [VIEW, DRIVING], now
-            )
-        )
+        world.engine(_able(robot))
     return world
 
 

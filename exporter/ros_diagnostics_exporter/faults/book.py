@@ -173,12 +173,14 @@ class Book:
         """
         component, confirm_after = problem.component, self.confirm_after(problem)
         clock = max(problem.clock, problem.subject.explained_until)
-        if not as_part:
-            clock = max(clock, problem.explained_until)
+        if not as_part and problem.explained_until > clock:
+            clock = problem.explained_until
         if component is not None:
-            clock = max(clock, component.boots_until - confirm_after)
-        if component is not None and component.settings.measured:
-            clock = max(clock, component.robot.returned_until)  # it was not reached before
+            if component.boots_until > clock + confirm_after:
+                return component.boots_until
+            if component.settings.measured:
+                clock = max(clock, component.robot.returned_until)  # it was not reached before
+            return clock + confirm_after
         late = UPLINK_TIME if self._may_be_unreachable(problem) else 0.0
         return clock + confirm_after + late
 

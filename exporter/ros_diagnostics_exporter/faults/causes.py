@@ -35,9 +35,7 @@ def count_component(book: Book, component: ComponentRecord, now: Instant) -> Non
     if not (is_error or component.counted):
         return
     name = component.name.component
-    settings = component.settings
-    may_be = settings.depends_on or settings.measured
-    explained = bool(may_be) and _is_explained(book, component, _OUT_OF_REACH, now)
+    explained = _is_explained(book, component, _OUT_OF_REACH, now)
     fresh = is_error and not explained
     counted = fresh or (lasts and (_is_fault(book, Scope.COMMON, name) or not explained))
     if not (counted or component.counted):
@@ -58,8 +56,12 @@ def _is_fault(book: Book, scope: Scope, name: str) -> bool:
 def _is_explained(
     book: Book, component: ComponentRecord, reasons: tuple[Reason, ...], now: Instant
 ) -> bool:
-    if component.settings.measured and component.robot.cut_off_since is not None:
+    settings, robot = component.settings, component.robot
+    if settings.measured and robot.cut_off_since is not None:
         return Reason.UNREACHABLE in reasons
+    is_common = (Scope.COMMON, component.name.component) in book.causes
+    if not (settings.depends_on or settings.measured or robot.settings.uplink or is_common):
+        return False
     return suppression.is_explained(book, component.problems.values(), reasons, now)
 
 

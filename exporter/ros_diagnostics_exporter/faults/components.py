@@ -162,7 +162,7 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
     is_known = component.has_fault
-    if component.problems and not is_known:
+    if not is_known and (robot.capabilities or robot.has_dependencies):
         is_known = suppression.is_reported(book, component, now)
     if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them

@@ -96,19 +96,18 @@ def judge_explained(
     book.touch(explained)
     for component in dict.fromkeys(each.component for each in explained):
         if component is not None and component is not explainer.component:
-            book.write(component)
             causes.count_component(book, component, now)
             book.touched_causes[component.robot.many] = None
     robots = {each.robot: None for each in explained if each.component is None}
     for robot in robots:
         if robot is not None and robot is not explainer.robot:
-            book.write(robot)
             causes.count_robot(book, robot, now)
 
 
 def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
-        if problem.effect.ends and suppression.why_not_end(problem) is None:
+        healthy = problem.verdict is Verdict.HEALTHY  # first: it is asked of each at each change
+        if healthy and problem.effect.ends and suppression.why_not_end(problem) is None:
             _drop(book, problem, now)
             ends.add(book, problem.fault, "recovered", now)
             return Change("recovered", problem.fault, now.wall)
@@ -130,7 +129,8 @@ def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
 def _note_waiting(book: Book, problem: Problem, by: Problem | None, now: Instant) -> None:
     """Note since when only what is no fault yet explains it, and judge it when that is too long."""
     waits_since = problem.waits_since
-    if by is None or by.fault is not None:
+    reporter = None if by is None else suppression.reporter_of(book, by, now)
+    if reporter is None or reporter.fault is not None:
         waits_since = None
     elif waits_since is None:
         waits_since = now.mono

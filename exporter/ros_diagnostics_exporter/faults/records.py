@@ -118,6 +118,7 @@ class Subject:
     """
 
     explained_until: float = -inf
+    row: RowKey = field(init=False)
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -182,11 +183,14 @@ class Problem(Subject):
     @property
     def may_explain(self) -> bool:
         """Whether there can be anything that it explains: most components have nothing."""
-        component = self.component
+        component, state = self.component, self.identity.state
         if component is None:
             return True
-        has_others = len(component.problems) + len(component.values) > 1
-        return has_others or component.settings.uplink or component.robot.has_dependencies
+        if component.settings.uplink or component.robot.has_dependencies:
+            return True
+        if self.identity.scope is Scope.VALUE:
+            return any(severity == "falling" for _key, _bound, severity in component.values)
+        return state is State.FLAPPING or State.INTERMITTENT in component.problems
 
     @property
     def subject(self) -> Subject:

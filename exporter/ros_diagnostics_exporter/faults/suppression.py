@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.model import Instant
 CLOCK_TOLERANCE = 0.001  # seconds by which a time that is computed by two clocks may be early
 # Of the robot itself rather than of a part of it: its silence suppresses none of them.
 _PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}
+_OF_SITE = (State.SILENT, State.FLAPPING)  # what the silence of a site explains
 # What a component that fails explains of those that depend on it; STALE only explains STALE.
 _FAILURES = {State.CRITICAL, State.FLAPPING, State.STALE}
 
@@ -199,7 +200,7 @@ def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
         return enough and explainer.effect.explains != "never"
     if explainer.effect.explains != "as a problem":
         return False
-    reporter = _reporter(book, explainer, now)
+    reporter = reporter_of(book, explainer, now)
     if reporter is None:
         return False
     if reporter is not explainer:
@@ -213,7 +214,7 @@ def _is_as_severe(explainer: Problem, problem: Problem) -> bool:
     return severities != ("warning", "critical")
 
 
-def _reporter(book: Book, problem: Problem, now: Instant) -> Problem | None:
+def reporter_of(book: Book, problem: Problem, now: Instant) -> Problem | None:
     """The problem that is a fault, or will be one, for this one; None: there will be none."""
     if problem.fault is not None:
         return problem
@@ -221,7 +222,7 @@ def _reporter(book: Book, problem: Problem, now: Instant) -> Problem | None:
     if suppression is None:
         return problem
     if suppression.by is not None:
-        return _reporter(book, suppression.by, now)
+        return reporter_of(book, suppression.by, now)
     # Who writes a capability says what the loss of a part is worth: if that is a warning, it may
     # wait for the hours of warnings.
     waits = suppression.reason is Reason.HOURS and problem.capability is not None
@@ -253,7 +254,8 @@ def edges(book: Book, problem: Problem, now: Instant) -> Iterator[Edge]:
     elif problem.capability is not None:
         yield from _many(robot)
         yield from _common_to_all(book, problem.capability)
-    yield from _capabilities(robot, problem, now)
+    if robot.capabilities:
+        yield from _capabilities(robot, problem, now)
 
 
 def _uplinks(book: Book, robot: RobotRecord) -> Iterator[Edge]:
@@ -370,7 +372,23 @@ def _confirmed(capability: CapabilityRecord, now: Instant) -> set[PartName]:
 
 
 def explained_by(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
-    """All problems to which there is an edge from this one, and which it is severe enough for."""
+    """All problems that it explains, or that one which it explains does."""
+    found = dict.fromkeys(_directly(book, explainer, now))
+    ahead = [each for each in found if each.fault is None and each.may_explain]
+    while ahead:
+        for problem in _directly(book, ahead.pop(), now):
+            if problem is not explainer and problem not in found:
+                found[problem] = None
+                if problem.fault is None and problem.may_explain:
+                    ahead.append(problem)
+    return list(found)
+
+
+def _directly(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
+    """The problems to which there is an edge from it, and which it is severe enough for."""
+    if explainer.cause is not None:  # of which there may be many: its edges are simple ones
+        found = _candidates(book, explainer)
+        return [each for each in found if _is_as_severe(explainer, each)]
     return [
         problem
         for problem in _candidates(book, explainer)
@@ -380,15 +398,18 @@ def explained_by(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
 
 
 def _candidates(book: Book, explainer: Problem) -> Iterator[Problem]:
-    """The problems among which those are that a problem explains."""
+    """The problems among which those are that a problem explains; of a cause, just those."""
     robot, cause, component = explainer.robot, explainer.cause, explainer.component
     if cause is not None and cause.scope is Scope.SITE:
         for name in book.present.get(cause.name, ()):
-            yield from book.robots[name].problems.values()
-    elif cause is not None and cause.scope is Scope.COMMON:
-        for each in book.named.get(cause.name, ()):
+            problems = book.robots[name].problems
+            yield from (problems[state] for state in _OF_SITE if state in problems)
+    elif cause is not None:
+        components = book.named.get(cause.name, ()) if robot is None else robot.components.values()
+        for each in components:
             yield from each.problems.values()
-            for capability in each.robot.capabilities.values():
+        for owner in {each.robot: None for each in components}:
+            for capability in owner.capabilities.values():
                 yield from capability.problems.values()
     elif component is not None:
         yield from component.all_problems()
@@ -422,8 +443,10 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
     for problem in explained:
         if component is not None and problem.component is component:
             continue
+        bound = until
+        if explainer.fault is None and problem.waits_since is not None:
+            bound = min(until, latest(book, problem, now))
         subject = problem.subject if explainer.capability is None else problem
-        bound = until if explainer.fault else min(until, latest(book, problem, now))
-        subject.explained_until = max(subject.explained_until, bound)
-        if subject is problem:
-            book.write(problem)
+        if bound > subject.explained_until:
+            subject.explained_until = bound
+            book.written[subject.row] = None

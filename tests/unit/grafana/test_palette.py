@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
 
 from fleet_dashboards.lib import palette
-from ros_diagnostics_exporter.robots.units import _SPELLINGS
+from ros_diagnostics_exporter.robots.units import _CANONICAL
 from ros_diagnostics_exporter.severity import COLOURS
 from support.committed_dashboards import BOARDS, panels
 
@@ -130,4 +130,4 @@ def test_a_text_on_a_colour_has_the_contrast_that_wcag_wants(state: str):
 
 
 def test_every_unit_of_the_palette_is_one_of_the_exporter():
-    assert set(palette.UNITS) <= set(_SPELLINGS)
+    assert set(palette.UNITS) <= set(_CANONICAL.values())
