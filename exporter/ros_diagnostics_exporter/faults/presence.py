@@ -65,7 +65,7 @@ def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
     for state in (State.SILENT, State.PENDING):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.HEALTHY)
-    for component in robot.components.values():
+    for component in list(robot.components.values()):  # one that is at rest is dropped
         components.resume(book, component, now)
     _note_presence(book, robot, now)
 

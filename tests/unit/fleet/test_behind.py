@@ -112,3 +112,20 @@ def test_other_settings_are_followed():
     driver.state.configure(changed, driver.now)
     driver.pass_to(70, "Laser", "Power")
     assert driver.began() == ["Laser"]
+
+
+def test_each_pattern_is_searched_once_in_each_name():
+    """Not in each name for each component: an array of 400 new names took seconds."""
+    searches = 0
+
+    class Counting(Pattern):
+        def search(self, text: str) -> bool:
+            nonlocal searches
+            searches += 1
+            return super().search(text)
+
+    rules = (ComponentRule(pattern=Pattern("Part"), depends_on=(Counting("Power"),)),)
+    names = [f"Part {number}" for number in range(400)]
+    driver = StateDriver(components=rules)
+    driver.raw(*(Status(OK, each) for each in (*names, "Power")))
+    assert 0 < searches <= 2 * (len(names) + 1)

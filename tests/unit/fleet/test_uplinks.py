@@ -262,3 +262,12 @@ def test_a_robot_that_is_added_behind_a_failing_uplink_is_quiet(driver):
     driver.pass_to(1500)
     assert driver.began == ["ap ping"]
     assert set(driver.quiet("new").values()) == {"unreachable"}
+
+
+def test_robots_of_an_uplink_that_fails_again_and_again_do_not_flap(driver):
+    for number in range(5):
+        fail(driver, "ap")
+        driver.pass_to(160 + 200 * number)
+        heal(driver, all_of_them=True)
+        driver.pass_to(260 + 200 * number)
+    assert {name for name in driver.began if not name.startswith("ap")} == set()
