@@ -63,6 +63,7 @@ class Book:
         self.named: dict[str, dict[ComponentRecord, None]] = {}  # components with a record, by name
         self.present: dict[str, set[str]] = {}  # site -> robots that causes are shares of
         self.timers: Timers[Timer] = Timers()
+        self.asked: set[Problem] = set()  # whether they are reported, which is being found out
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
         self.touched_robots: dict[RobotRecord, None] = {}  # whose capabilities are to be judged

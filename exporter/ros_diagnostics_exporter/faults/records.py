@@ -185,7 +185,8 @@ class Problem(Subject):
         """Whether there can be anything that it explains: most components have nothing."""
         component, state = self.component, self.identity.state
         if component is None:
-            return True
+            of_robot = self.capability is not None and self.robot is not None
+            return self.cause is not None or of_robot or state is State.FLAPPING
         if component.settings.uplink or component.robot.has_dependencies:
             return True
         if self.identity.scope is Scope.VALUE:

@@ -198,9 +198,12 @@ def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
     enough = is_specific or _is_as_severe(explainer, problem)
     if explainer.fault is not None:
         return enough and explainer.effect.explains != "never"
-    if explainer.effect.explains != "as a problem":
+    is_asked = explainer in book.asked  # in a circle, as while other settings are taken one by one
+    if explainer.effect.explains != "as a problem" or is_asked:
         return False
+    book.asked.add(explainer)
     reporter = reporter_of(book, explainer, now)
+    book.asked.discard(explainer)
     if reporter is None:
         return False
     if reporter is not explainer:

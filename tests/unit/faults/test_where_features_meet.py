@@ -179,3 +179,13 @@ def test_what_is_well_in_time_is_no_fault_after_a_boot():
         (170, level(UPPER, OK)),
         (1000, None),
     )
+
+
+def test_components_that_depend_on_each_other_for_a_moment_are_judged():
+    """While other settings are taken one by one; both of them for good are rejected before."""
+    one, other = ({"depends_on": frozenset({("", name)})} for name in ("motor", UPPER))
+    play(
+        (0, together(level(UPPER, ERROR, **one), level("motor", ERROR, **other))),
+        (5, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+    )
