@@ -33,7 +33,7 @@ def event_text(event: dict[str, Any]) -> str:
         words = f"fault {how}: {problem_state(about)} {subject(about)}"
     elif kind == "condition":
         about = _complete(event)
-        how = "quiet" if after == "quiet" else "no longer quiet"
+        how = "suppressed" if after == "suppressed" else "no longer suppressed"
         words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
     elif kind == "action":
         what = _BY_FORM.get(after, f"{after} by a form")

@@ -28,14 +28,14 @@ class Event:
     """One thing that happened, at Unix time ``time``.
 
     ``kind`` is ``level`` (a component changed), ``condition`` (one of fleet.yml began or ceased to
-    keep a problem quiet), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
+    suppress a problem), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
     (Alertmanager sent it to a receiver), ``acknowledged``, ``action`` (a person acknowledged a
     fault, planned or cancelled a downtime by a form of a page), ``robot`` (known, forgotten,
     silent or back), ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or
     rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
-    received, silent, known, forgotten, read, rejected, firing or resolved, of a condition quiet or
-    judged, of an action acknowledged, downtime or cancelled. Of a component that is not OK when
+    received, silent, known, forgotten, read, rejected, firing or resolved, of a condition suppressed
+    or judged, of an action acknowledged, downtime or cancelled. Of a component that is not OK when
     first received, ``before`` is "". A field that does not apply is "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,

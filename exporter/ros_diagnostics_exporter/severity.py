@@ -26,7 +26,8 @@ COLOURS = {
     "OK": ("#1F7F63", "#FFFFFF"),
     "PENDING": ("#D0D0D0", "#000000"),
 }
-QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
+# Why a problem is suppressed; maintenance is shown with its end, a condition in its words.
+SUPPRESSED = {
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
     "unreachable": "the robot's uplink or its DDS domain fails",
@@ -87,7 +88,7 @@ _WORSE = {
 
 
 class ShownProblem(NamedTuple):
-    """A problem in words: ``standing`` says whether it is confirmed, or why it is quiet.
+    """A problem in words: ``standing`` says whether it is confirmed, or why it is suppressed.
 
     ``notice`` says who was notified and when; "" where that is not known.
 
@@ -140,13 +141,13 @@ def as_planned(component: dict[str, Any]) -> bool:
 
 def judged_state(component: dict[str, Any]) -> str:
     """The component's state; OK where fleet.yml says that it is no fault."""
-    excused = as_planned(component) or component.get("quiet_because")
-    return "OK" if excused else str(component["state"])
+    suppressed = as_planned(component) or component.get("suppressed_because")
+    return "OK" if suppressed else str(component["state"])
 
 
 def is_bad(problem: dict[str, Any]) -> bool:
     """Whether it is still wrong, and no condition of fleet.yml says that it is no fault."""
-    return not problem["well"] and problem["quiet"] != "condition"
+    return not problem["healthy"] and problem["suppressed"] != "condition"
 
 
 def level_text(component: dict[str, Any]) -> str:
@@ -203,15 +204,15 @@ def shown_as_they_are(
 
 
 def _without_milder(problems: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
-    bad = {(_about(each), each["state"]) for each in problems if not each["well"]}
+    bad = {(_about(each), each["state"]) for each in problems if not each["healthy"]}
     severe = {
-        _about(each) for each in problems if each["severity"] == "critical" and not each["well"]
+        _about(each) for each in problems if each["severity"] == "critical" and not each["healthy"]
     }
     for each in problems:
         about = _about(each)
         worse = any((about, state) in bad for state in _WORSE.get(each["state"], ()))
         milder = each["state"] == "many" and each["severity"] == "warning" and about in severe
-        absent = each["state"] == "stale" and each["quiet"] == "robot_silent"
+        absent = each["state"] == "stale" and each["suppressed"] == "robot_silent"
         if not (worse or milder or absent):
             yield each
 
@@ -263,20 +264,20 @@ def part_path(part: dict[str, Any]) -> str:
 def standing(
     problem: dict[str, Any], now: float, of: dict[str, Any], *, local: bool = False
 ) -> str:
-    """Whether a problem is confirmed, and else when it may be, or why it is quiet.
+    """Whether a problem is confirmed, and else when it may be, or why it is suppressed.
 
     ``of`` is the robot, or the fleet; ``local`` as for `shown_problems`.
     """
-    reason = problem["quiet"]
-    quiet = QUIET.get(reason, reason)
+    reason = problem["suppressed"]
+    suppressed = SUPPRESSED.get(reason, reason)
     if reason == "maintenance":
-        quiet = maintenance_text(of, now, component=problem["component"], local=local)
+        suppressed = maintenance_text(of, now, component=problem["component"], local=local)
     if problem.get("because"):
-        quiet = f"{quiet}, {problem['because']}"
+        suppressed = f"{suppressed}, {problem['because']}"
     if problem["confirmed"] is not None:
-        return f"confirmed; well again, still open: {quiet}" if quiet else "confirmed"
-    if quiet:
-        return f"quiet: {quiet}"
+        return f"confirmed; healthy again, still open: {suppressed}" if suppressed else "confirmed"
+    if suppressed:
+        return f"suppressed: {suppressed}"
     left = math.ceil(problem["due"] - now)
     return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
 
@@ -313,9 +314,9 @@ def notice(problem: dict[str, Any], now: float) -> str:
     "" if that is not known.
     """
     if problem["confirmed"] is None:
-        if problem["quiet"] in OF_LARGER:
+        if problem["suppressed"] in OF_LARGER:
             return "one notification for all"
-        return "nobody is notified" if problem["quiet"] else ""
+        return "nobody is notified" if problem["suppressed"] else ""
     return "; ".join(filter(None, (_taken(problem), _notified(problem, now))))
 
 
@@ -341,7 +342,7 @@ def _message(
 ) -> str:
     """What is known of it now, else what was when it was confirmed."""
     scope, state = problem["scope"], problem["state"]
-    if component is not None and not problem["well"]:
+    if component is not None and not problem["healthy"]:
         if scope == "flapping":
             return _changing_text(state, component)
         if scope == "value":
@@ -352,7 +353,11 @@ def _message(
         return f"finds {short['found']} of {short['expected']}"
     if scope == "robot" and state in {"silent", "pending"}:
         known = silent_text(of["silent_reason"]) or str(problem["evidence"])
-        return known if problem["quiet"] != "restart" else "not received since the exporter started"
+        return (
+            known
+            if problem["suppressed"] != "restart"
+            else "not received since the exporter started"
+        )
     return str(problem["evidence"])
 
 

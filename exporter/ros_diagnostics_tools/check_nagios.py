@@ -148,7 +148,7 @@ def _sensor(
 ) -> Sensor:
     """A component of a robot with its problems and those of its values."""
     hard = [each.state for each in problems if _is_confirmed(each)]
-    words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
+    words = ["OK" if component.get("suppressed_because") else STATE_OF_LEVEL[component["level"]]]
     of_values = (each for each in problems if each.problem["scope"] == "value")
     words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)

@@ -242,20 +242,22 @@ def player(
 
 
 def assert_views_agree(player: Player) -> None:
-    """What explains the trouble of components is what keeps their problems quiet."""
+    """What explains the trouble of components is what suppresses their problems."""
     faults, now = player.faults, player.at(player.second)
     found: dict[tuple[str, ComponentName], set[Reason]] = {}
     for view in faults.problems(now):
         of, due = view.identity, view.due <= now.wall
-        is_quiet = view.fault is None and not view.healthy and due and view.suppressed in EXPLAINED
-        if is_quiet and of.scope in (Scope.COMPONENT, Scope.FLAPPING):
+        is_suppressed = (
+            view.fault is None and not view.healthy and due and view.suppressed in EXPLAINED
+        )
+        if is_suppressed and of.scope in (Scope.COMPONENT, Scope.FLAPPING):
             assert view.suppressed is not None
             name = ComponentName(of.group, of.component)
             found.setdefault((of.robot, name), set()).add(view.suppressed)
     explained = {
         (robot, name): reason
         for robot in faults._book.robots
-        for name, reason in faults.explained(robot, now).items()
+        for name, reason in faults.suppressed_components(robot, now).items()
     }
     assert not any(cause.is_usual for cause in faults._book.causes.values())
     robots = faults._book.robots

@@ -526,7 +526,9 @@ class Model:
         returned: bool,
         now: int,
     ) -> None:
-        quiet = not part.fresh or self._explains(part, key_of("flapping", "flapping", **where), now)
+        suppressed = not part.fresh or self._explains(
+            part, key_of("flapping", "flapping", **where), now
+        )
         up = robot.presence == "up"
         update(
             key_of("flapping", "flapping", **where),
@@ -537,7 +539,7 @@ class Model:
         for state in ("warning", "stale", "critical"):
             since = part.open.get(state)
             due = part.clock is not None and now >= part.clock + part.settings.confirm_after
-            begins = since is not None and due and not quiet
+            begins = since is not None and due and not suppressed
             if part.level == STALE:
                 begins = begins and returned and not part.settings.planned_stale
                 begins = begins and not (state == "warning" and "critical" in part.open)

@@ -118,7 +118,7 @@ def entries(
 
 
 def standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
-    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified."""
+    """The robot's downtimes; how each problem stands, why it is suppressed, who was notified."""
     return [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
 
 

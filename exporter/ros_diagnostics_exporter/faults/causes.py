@@ -156,8 +156,8 @@ def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
             cause.problems[severity] = book.add_problem(problem)
         if problem is None:
             continue
-        well = cause.active is None or applies is Verdict.HEALTHY
-        new = Verdict.HEALTHY if well else min(applies, verdict)
+        is_healthy = cause.active is None or applies is Verdict.HEALTHY
+        new = Verdict.HEALTHY if is_healthy else min(applies, verdict)
         if cause.active is not None:
             problem.clock = cause.active.mono
         book.give_verdict(problem, new)

@@ -63,7 +63,7 @@ def of_component(
 def of_value(
     threshold: Threshold, number: float | None, hysteresis: float, *, in_trouble: bool
 ) -> Verdict:
-    """The verdict on a value: in trouble beyond the threshold, and well again beyond hysteresis.
+    """The verdict on a value: in trouble beyond the threshold, and healthy again beyond hysteresis.
 
     ``hysteresis`` is a share of the threshold.
     """

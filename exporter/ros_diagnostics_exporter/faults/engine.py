@@ -56,7 +56,7 @@ from ros_diagnostics_exporter.faults.records import (
 from ros_diagnostics_exporter.faults.suppression import why_not_begin, why_not_end
 from ros_diagnostics_exporter.model import Instant
 
-_EXPLAINED = (Reason.DEPENDS_ON, Reason.CAPABILITY)  # by another fault of the same robot
+_SUPPRESSED = (Reason.DEPENDS_ON, Reason.CAPABILITY)  # by another fault of the same robot
 Action = Callable[[Book, Any, Instant], None]
 # What each timer does with the record that it is of, if any.
 _ACTIONS: Mapping[TimerKind, Action] = {
@@ -390,7 +390,7 @@ class Faults:
                 by=by,
             )
 
-    def explained(self, robot: str, now: Instant) -> dict[ComponentName, Reason]:
+    def suppressed_components(self, robot: str, now: Instant) -> dict[ComponentName, Reason]:
         """The components whose trouble is due and begins no fault: another one explains it."""
         book, record = self._book, self._robot(robot)
         if not (record.has_dependencies or record.capabilities):
@@ -400,7 +400,7 @@ class Faults:
             for component in record.components.values()
             for problem in component.problems.values()
             if problem.lasts and problem.fault is None and book.due(problem) <= now.mono
-            if (found := why_not_begin(book, problem, now)) and found.reason in _EXPLAINED
+            if (found := why_not_begin(book, problem, now)) and found.reason in _SUPPRESSED
         }
 
     def abilities(self, robot: str) -> dict[str, AbilityView]:

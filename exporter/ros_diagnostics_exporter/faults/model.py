@@ -227,7 +227,7 @@ class EffectiveVerdict(str, Enum):
 
 
 # Every mechanism asks this table, so that no verdict means one thing here and another there. What a
-# condition of fleet.yml excuses is reported as HEALTHY, or as planned STALE where it is not known.
+# condition of fleet.yml suppresses is reported as HEALTHY, or as planned STALE if it is not known.
 EFFECTS: Mapping[EffectiveVerdict, Effect] = MappingProxyType(
     {
         EffectiveVerdict.FAILING: Effect(

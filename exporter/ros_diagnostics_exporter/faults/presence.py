@@ -105,7 +105,7 @@ def maintain_components(
 
 
 def settle(book: Book, now: Instant) -> None:
-    """Judge what restart_grace kept quiet, now that it is over."""
+    """Judge what restart_grace suppressed, now that it is over."""
     for robot in book.robots.values():
         _note_presence(book, robot, now)
     for problem in book.problems.values():

@@ -1,6 +1,6 @@
-"""What fleet.yml's conditions keep quiet, as problems for people and as events.
+"""What fleet.yml's conditions suppress, as problems for people and as events.
 
-The judgement of faults sees none of it: there it is well, or not known.
+The judgement of faults sees none of it: there it is healthy, or not known.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.conditions import RobotConditions, Suppressed
 
 _STATES = {Level.WARN: State.WARNING, Level.ERROR: State.CRITICAL, Level.STALE: State.STALE}
 
 
 class _Kept(NamedTuple):
-    """One problem that is kept quiet, since a Unix time."""
+    """One problem that is suppressed, since a Unix time."""
 
     since: float
-    quiet: Quiet
+    suppressed: Suppressed
 
 
 class ConditionalProblems:
-    """The problems of one robot that its conditions keep quiet now."""
+    """The problems of one robot that its conditions suppress now."""
 
     def __init__(self) -> None:
         self._kept: dict[Component, dict[Identity, _Kept]] = {}
@@ -47,18 +47,18 @@ class ConditionalProblems:
     ) -> Iterator[Event]:
         """Take what a component is like now; ``of`` are the names of its robot and itself.
 
-        What is quiet only because its condition is not known is no event.
+        What is suppressed only because its condition is not known is no event.
         """
         former = self._kept.pop(component, {})
         kept: dict[Identity, _Kept] = {}
-        for identity, quiet in _troubles(component, of, conditions):
-            if quiet is not None:
+        for identity, suppressed in _troubles(component, of, conditions):
+            if suppressed is not None:
                 before = former.get(identity)
                 since = now.wall if before is None else before.since
-                kept[identity] = _Kept(since, quiet)
-            was_known = identity in former and former[identity].quiet.known
-            if was_known != (quiet is not None and quiet.known):
-                yield _event(identity, quiet, now)
+                kept[identity] = _Kept(since, suppressed)
+            was_known = identity in former and former[identity].suppressed.known
+            if was_known != (suppressed is not None and suppressed.known):
+                yield _event(identity, suppressed, now)
         if kept:
             self._kept[component] = kept
 
@@ -77,13 +77,13 @@ class ConditionalProblems:
                     fault=None,
                     suppressed=Reason.CONDITION,
                     healthy=False,
-                    because=each.quiet.because,
+                    because=each.suppressed.because,
                 )
 
 
 def _troubles(
     component: Component, of: tuple[str, ComponentName], conditions: RobotConditions
-) -> Iterator[tuple[Identity, Quiet | None]]:
+) -> Iterator[tuple[Identity, Suppressed | None]]:
     """What is wrong with a component and its values that has a condition, and what that says."""
     robot, (group, name) = of
     rule = component.rule
@@ -94,7 +94,7 @@ def _troubles(
             yield identity, conditions.find(component, rule.conditions)
     for value in () if component.is_stale else component.values.all:
         if value.rule is not None and value.rule.conditions is not None:
-            quiet = conditions.find(component, value.rule.conditions)
+            suppressed = conditions.find(component, value.rule.conditions)
             for each in value.beyond:
                 yield (
                     Identity(
@@ -107,19 +107,19 @@ def _troubles(
                         key=value.key,
                         bound=each.bound,
                     ),
-                    quiet,
+                    suppressed,
                 )
 
 
-def _event(identity: Identity, quiet: Quiet | None, now: Instant) -> Event:
+def _event(identity: Identity, suppressed: Suppressed | None, now: Instant) -> Event:
     return Event(
         time=now.wall,
         kind="condition",
         robot=identity.robot,
         group=identity.group,
         component=identity.component,
-        after="quiet" if quiet is not None and quiet.known else "judged",
-        message="" if quiet is None else quiet.because,
+        after="suppressed" if suppressed is not None and suppressed.known else "judged",
+        message="" if suppressed is None else suppressed.because,
         scope=identity.scope.value,
         state=identity.state.value,
         key=identity.key,

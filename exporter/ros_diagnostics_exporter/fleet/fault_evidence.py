@@ -177,7 +177,9 @@ def _of_robot(identity: Identity, robot: RobotState) -> Fields:
 
 
 def _troubled(robot: RobotState) -> Iterator[Component]:
-    return (each for each in robot.components if each.level > Level.OK and not each.quiet_because)
+    return (
+        each for each in robot.components if each.level > Level.OK and not each.suppressed_because
+    )
 
 
 def _with_level(component: Component) -> Fields:

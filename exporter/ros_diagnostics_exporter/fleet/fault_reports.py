@@ -258,9 +258,9 @@ class FaultReports:
                 found.append(view)
         return [*found, *by_condition.values()]
 
-    def explained(self, robot: str) -> dict[ComponentName, Reason]:
+    def suppressed_components(self, robot: str) -> dict[ComponentName, Reason]:
         """The components of a robot whose trouble is due and that another fault explains."""
-        return self.engine.explained(robot, self._now)
+        return self.engine.suppressed_components(robot, self._now)
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know."""

@@ -31,7 +31,7 @@ from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProbl
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component, is_name_of
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
-from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.conditions import RobotConditions, Suppressed
 from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
@@ -211,9 +211,9 @@ class RobotReports:
         found = self._conditions.update(self._changed(), everything=self._everything)
         for component, differs in found.items():
             name = self._names.get(component)
-            quiet = None if name is None else self._excuse(component)
-            is_known = self.robot.up and quiet is not None and quiet.known
-            component.quiet_because = quiet.because if quiet and is_known else ""
+            suppressed = None if name is None else self._find_suppression(component)
+            is_known = self.robot.up and suppressed is not None and suppressed.known
+            component.suppressed_because = suppressed.because if suppressed and is_known else ""
             if differs:
                 components.report_again(component)
             if name is not None and self.robot.up:
@@ -226,10 +226,10 @@ class RobotReports:
             return []
         return faults.configure_capabilities(self.robot.settings.name, wanted, now)
 
-    def _excuse(self, component: Component) -> Quiet | None:
+    def _find_suppression(self, component: Component) -> Suppressed | None:
         """Why the component's trouble is no fault, if it is none."""
         if component.feed is not None and component.feed.shadow:
-            return Quiet(SHADOWED, known=True)
+            return Suppressed(SHADOWED, known=True)
         rule = component.rule
         return None if rule is None else self._conditions.find(component, rule.conditions)
 
@@ -289,7 +289,7 @@ class RobotReports:
         return any(
             Level.ERROR in (each.level, each.before_stale)
             for each, known in self._names.items()
-            if known.component == name and not each.quiet_because
+            if known.component == name and not each.suppressed_because
         )
 
     def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
@@ -343,13 +343,13 @@ class RobotReports:
         """The component as it is judged: healthy, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
         is_first = component in self._first
-        excuse = self._excuse(component)
+        suppressed = self._find_suppression(component)
         is_late = level is Level.STALE and not component.stale_at_source
         if self.robot.network.lossy and component.feed is None and is_late:
-            excuse = Quiet("messages are lost", known=False)
-        if excuse is None or level is Level.OK:
+            suppressed = Suppressed("messages are lost", known=False)
+        if suppressed is None or level is Level.OK:
             return ComponentReport(name, level, settings, is_first)
-        if excuse.known and level is not Level.STALE:
+        if suppressed.known and level is not Level.STALE:
             return ComponentReport(name, Level.OK, settings)
         # As a STALE that is planned: nothing begins, and nothing ends.
         settings = replace(settings, planned_stale=True, stale_is_critical=False)
@@ -433,10 +433,10 @@ class RobotReports:
 
     def _most(self, component: Component, rule: ValueRule) -> Verdict:
         """The worst that a value's conditions let it be."""
-        quiet = self._conditions.find(component, rule.conditions)
-        if quiet is None:
+        suppressed = self._conditions.find(component, rule.conditions)
+        if suppressed is None:
             return Verdict.FAILING
-        return Verdict.HEALTHY if quiet.known else Verdict.NO_DATA
+        return Verdict.HEALTHY if suppressed.known else Verdict.NO_DATA
 
     def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
         expected = _expected(self._settings.profile)

@@ -424,9 +424,9 @@ class FleetState(WatchedFleet):
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.engine.followed(robot.settings.name)
 
-    def explained(self, robot: RobotState) -> dict[ComponentName, Reason]:
+    def suppressed_components(self, robot: RobotState) -> dict[ComponentName, Reason]:
         """The components of a robot that is visited whose faults are due; another explains them."""
-        return self._faults.explained(robot.settings.name)
+        return self._faults.suppressed_components(robot.settings.name)
 
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""

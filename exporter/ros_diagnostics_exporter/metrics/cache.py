@@ -75,7 +75,7 @@ class RobotText:
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
-        self._quiet: Mapping[ComponentName, Reason] = {}  # as rendered
+        self._suppressed: Mapping[ComponentName, Reason] = {}  # as rendered
 
     def update(self, *, everything: bool = True) -> None:
         """Render what changed since the last call.
@@ -95,7 +95,7 @@ class RobotText:
                 self._render_receipt()
             if values_due:
                 self._render_values()
-            self._render_quiet()
+            self._render_suppressed()
             self._read_everything = marks.count
 
     def _update_parts(self, read: int) -> None:
@@ -342,14 +342,14 @@ class RobotText:
         self._set(since, begins)
         self._set(ratio, ratios)
 
-    def _render_quiet(self) -> None:
+    def _render_suppressed(self) -> None:
         """Which components other faults explain: of that no mark is noted."""
-        quiet = self._state.explained(self.robot)
-        if quiet == self._quiet:
+        suppressed = self._state.suppressed_components(self.robot)
+        if suppressed == self._suppressed:
             return
-        self._quiet, family = quiet, metrics.COMPONENT_QUIET_REASON
+        self._suppressed, family = suppressed, metrics.COMPONENT_SUPPRESSED
         lines = []
-        for (group, label), reason in quiet.items():
+        for (group, label), reason in suppressed.items():
             labels = f',group="{escape(group)}",component="{escape(label)}",reason="{reason.value}"'
             lines.append(self._one(family, 1, labels))
         self._set(family, lines)
@@ -403,7 +403,7 @@ def _level(component: Component) -> int:
 
 
 def _problem_level(component: Component) -> int | None:
-    return None if component.quiet_because else component.level or None
+    return None if component.suppressed_because else component.level or None
 
 
 def _since(component: Component) -> float:

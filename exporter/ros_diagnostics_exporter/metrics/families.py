@@ -173,7 +173,7 @@ COMPONENT_LEVEL = _family(
 COMPONENT_PROBLEM_LEVEL = _family(
     "component_problem_level",
     "gauge",
-    "component_level where it is not OK and neither a condition nor shadow mode keeps it quiet; "
+    "component_level where it is not OK and neither a condition nor shadow mode suppresses it; "
     "absent otherwise.",
     COMPONENT,
     part=Part.FAULTS,
@@ -228,8 +228,8 @@ COMPONENT_MESSAGE = _family(
     "its last one.",
     (*COMPONENT, "message"),
 )
-COMPONENT_QUIET_REASON = _family(
-    "component_quiet_reason",
+COMPONENT_SUPPRESSED = _family(
+    "component_suppressed",
     "gauge",
     "1 while a fault that is due does not begin because another one explains it: that of what the "
     "component depends on (depends_on), or of a capability that needs it (capability).",
@@ -318,7 +318,7 @@ FLEET_FAMILIES = (
     COMPONENT_PLANNED_STALE,
     COMPONENT_MAINTENANCE,
     COMPONENT_MESSAGE,
-    COMPONENT_QUIET_REASON,
+    COMPONENT_SUPPRESSED,
     COMPONENT_INFO,
     COMPONENT_VALUE,
     COMPONENT_VALUE_THRESHOLD,

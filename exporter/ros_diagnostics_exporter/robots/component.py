@@ -45,7 +45,7 @@ Identity = tuple[
 
 @marking(
     hardware_id=Mark.SERIES,
-    quiet_because=Mark.ACCOUNT,
+    suppressed_because=Mark.ACCOUNT,
     resumes=Mark.ACCOUNT,
     stale_at_source=Mark.ACCOUNT,
 )
@@ -76,7 +76,7 @@ class Component:
     reported_before: int | None = None
     message: str = ""
     before_stale: int | None = None
-    quiet_because: str = ""  # the condition of fleet.yml by which its trouble is no fault now
+    suppressed_because: str = ""  # the condition of fleet.yml by which its trouble is no fault now
     changes: int = 0
     since: float = field(init=False)
     received: float | None = None

@@ -318,7 +318,7 @@ class Components:
         """Set by which settings a component that is not the robot's own is late and judged."""
         if component.feed != feed:
             component.feed = feed
-            component.quiet_because = SHADOWED if feed.shadow else ""
+            component.suppressed_because = SHADOWED if feed.shadow else ""
             self._marks.note(Mark.LEVEL, component)
 
     def report_again(self, component: Component) -> None:

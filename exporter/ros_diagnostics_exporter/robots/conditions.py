@@ -1,7 +1,7 @@
 """Whose trouble fleet.yml's `when` and `unless` say is no fault now, for one robot.
 
 A condition holds, does not hold, or is not known, because what it asks about was never received or
-is STALE. What is not known keeps nothing quiet that `unless` names, and lets neither begin nor end
+is STALE. What is not known suppresses nothing that `unless` names, and lets neither begin nor end
 what `when` names. Conditions read levels and values, never faults, so that there are no circles.
 
 What is evaluated is what changed: a condition keeps which of its components meet it.
@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import SEARCHED, key_matches
 
 
-class Quiet(NamedTuple):
+class Suppressed(NamedTuple):
     """Why trouble is no fault; ``known`` is False where a condition of `when` is not known."""
 
     because: str
@@ -38,11 +38,11 @@ class RobotConditions:
         self._watches: dict[tuple[Component | None, Condition], Watch] = {}
         self._watched: dict[Component, list[Watch]] = {}  # by a component that they ask about
         self._conditional: dict[Component, tuple[Conditions, ...]] = {}
-        self._quiet: dict[tuple[Component, Conditions], Quiet] = {}
+        self._suppressed: dict[tuple[Component, Conditions], Suppressed] = {}
 
-    def find(self, component: Component, conditions: Conditions | None) -> Quiet | None:
+    def find(self, component: Component, conditions: Conditions | None) -> Suppressed | None:
         """Why the trouble of a component, or a value of it, is no fault now; None: it is one."""
-        return None if conditions is None else self._quiet.get((component, conditions))
+        return None if conditions is None else self._suppressed.get((component, conditions))
 
     def update(self, changed: Iterable[Component], *, everything: bool) -> dict[Component, bool]:
         """Take the components that changed, or all of them.
@@ -70,7 +70,7 @@ class RobotConditions:
     def _start_over(self, profile: Profile) -> dict[Component, bool]:
         """Find what depends on what, and evaluate all of it."""
         former = self._conditional
-        self._watches, self._watched, self._conditional, self._quiet = {}, {}, {}, {}
+        self._watches, self._watched, self._conditional, self._suppressed = {}, {}, {}, {}
         for component in self._robot.components:
             found = tuple(dict.fromkeys(_conditions_of(component, profile)))
             if found:
@@ -101,26 +101,26 @@ class RobotConditions:
     def _judge(self, component: Component) -> bool:
         differs = False
         for conditions in self._conditional[component]:
-            quiet = self._why_quiet(component, conditions)
-            before = self._quiet.pop((component, conditions), None)
-            if quiet is not None:
-                self._quiet[component, conditions] = quiet
-            differs = differs or quiet != before
+            suppressed = self._why_suppressed(component, conditions)
+            before = self._suppressed.pop((component, conditions), None)
+            if suppressed is not None:
+                self._suppressed[component, conditions] = suppressed
+            differs = differs or suppressed != before
         return differs
 
-    def _why_quiet(self, component: Component, conditions: Conditions) -> Quiet | None:
+    def _why_suppressed(self, component: Component, conditions: Conditions) -> Suppressed | None:
         for condition in conditions.unless:
             if self._holds(component, condition):
-                return Quiet(f"unless {condition.text}", known=True)
+                return Suppressed(f"unless {condition.text}", known=True)
         unknown = None
         for condition in conditions.when:
             if component.is_stale and not condition.component:
                 continue  # its own values say nothing about why it is STALE
             holds = self._holds(component, condition)
             if holds is False:
-                return Quiet(f"only when {condition.text}", known=True)
+                return Suppressed(f"only when {condition.text}", known=True)
             if holds is None and unknown is None:
-                unknown = Quiet(f"only when {condition.text}, which is not known", known=False)
+                unknown = Suppressed(f"only when {condition.text}, which is not known", known=False)
         return unknown
 
     def _holds(self, component: Component, condition: Condition) -> bool | None:

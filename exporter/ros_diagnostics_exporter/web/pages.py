@@ -268,10 +268,10 @@ class _Component(NamedTuple):
 
 
 def _worst_first(each: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
-    """A sort key: in one state, confirmed problems come first, and quiet ones last."""
+    """A sort key: in one state, confirmed problems come first, and suppressed ones last."""
     state, robot = each
     confirmed = any(problem["confirmed"] is not None for problem in robot["problems"])
-    soft = any(problem["quiet"] is None for problem in robot["problems"])
+    soft = any(problem["suppressed"] is None for problem in robot["problems"])
     return -SEVERITIES[state], not confirmed, not soft, natural(robot["robot"])
 
 
@@ -283,7 +283,9 @@ def _troubled(state: str, robot: dict[str, Any], now: float) -> _Troubled:
 
 def _marks(robot: dict[str, Any], now: float) -> list[str]:
     """Downtime and flapping, as marks beside the robot's name."""
-    flapping = any(each["state"] == "flapping" and not each["well"] for each in robot["problems"])
+    flapping = any(
+        each["state"] == "flapping" and not each["healthy"] for each in robot["problems"]
+    )
     return downtime_texts(robot, now) + ["flapping"] * flapping
 
 
@@ -362,7 +364,7 @@ def _unread(component: dict[str, Any]) -> Iterator[str]:
 def _mark(component: dict[str, Any]) -> str:
     if as_planned(component):
         return "planned"
-    return "quiet" if component.get("quiet_because") else ""
+    return "suppressed" if component.get("suppressed_because") else ""
 
 
 # -- filters ---------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ _SPECIAL, _ESCAPED = re.compile(r"[][\\.+*?(){}|^$]"), r"\\\g<0>"  # of RE2
 _KEYS = {
     "latch": "a fault ends when its parts are received better; nothing has to be reset",
     "dependent": "it marks a unit for displays and changes no level; here parts that failed are "
-    "quiet under one capability",
+    "suppressed under one capability",
     "hysteresis": "a problem is a fault after confirm_after of its component or profile",
     **dict.fromkeys(
         ("allow_override", "allow_override_for_debugging"),

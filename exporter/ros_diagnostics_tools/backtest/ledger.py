@@ -13,7 +13,7 @@ IDENTITY = (
     *("scope", "state", "site", "robot", "group", "component", "check", "key", "bound"),
     "severity",
 )
-Verdict = Literal["notified", "short", "quiet", "silent"]
+Verdict = Literal["notified", "short", "suppressed", "silent"]
 _RANKS = ("OK", "WARN", "STALE", "ERROR")  # the worse is further right
 
 
@@ -57,7 +57,7 @@ class Outage:
     """A component was not OK, or a robot silent (no component), from ``begin`` to ``end``.
 
     ``worst`` is the worst level, or "silent". ``verdict``: a fault came of it (notified), it was
-    over before it was confirmed (short), or something kept it quiet: maintenance, flapping, a
+    over before it was confirmed (short), or something suppressed it: maintenance, flapping, a
     condition, a larger cause. ``ended`` is False for one that lasts.
     """
 
@@ -105,7 +105,7 @@ class Ledger:
     def _level(self, event: Event, *, up: bool) -> None:
         key = event.robot, event.group, event.component
         outage = self._open.get(key)
-        if event.after not in _RANKS or event.after == "OK":  # well, or forgotten
+        if event.after not in _RANKS or event.after == "OK":  # healthy, or removed
             self._end(key, event.time)
         elif outage is not None:
             outage.worst = max(outage.worst, event.after, key=_RANKS.index)
@@ -136,7 +136,7 @@ class Ledger:
             if any(begin <= outage.end and outage.begin <= end for begin, end in spans):
                 outage.verdict = "notified"
             elif outage.seconds >= confirm_after(state, outage.robot, outage.component):
-                outage.verdict = "quiet"
+                outage.verdict = "suppressed"
         return found
 
     def _notified(self, until: float) -> dict[tuple[str, str, str], list[tuple[float, float]]]:

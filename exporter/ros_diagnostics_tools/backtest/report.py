@@ -32,7 +32,7 @@ class Part:
     flapping: int = 0
     short: int = 0
     longest_short: float = 0.0
-    quiet: int = 0
+    suppressed: int = 0
     trouble: float = 0.0
 
 
@@ -58,8 +58,8 @@ def _add(part: Part, outage: Outage) -> None:
     if outage.verdict == "short":
         part.short += 1
         part.longest_short = max(part.longest_short, outage.seconds)
-    elif outage.verdict == "quiet":
-        part.quiet += 1
+    elif outage.verdict == "suppressed":
+        part.suppressed += 1
 
 
 # -- tables ------------------------------------------------------------------------------------
@@ -102,7 +102,7 @@ def _notifications(result: Result) -> Table:
 
 
 def _parts(result: Result) -> Table:
-    numbers = ("Faults", "Flapping", "Short", "Longest", "Quiet", "In trouble")
+    numbers = ("Faults", "Flapping", "Short", "Longest", "Suppressed", "In trouble")
     table = _table("Robot", "Component", *numbers, right=numbers)
     for each in parts(result):
         table.add_row(
@@ -112,7 +112,7 @@ def _parts(result: Result) -> Table:
             str(each.flapping),
             str(each.short),
             words.duration(each.longest_short) if each.short else "",
-            str(each.quiet),
+            str(each.suppressed),
             words.duration(each.trouble),
         )
     return table
@@ -161,7 +161,7 @@ def as_json(result: Result) -> dict[str, Any]:
                 "flapping": each.flapping,
                 "too_short": each.short,
                 "longest_too_short": each.longest_short,
-                "quiet": each.quiet,
+                "suppressed": each.suppressed,
                 "in_trouble": each.trouble,
             }
             for each in parts(result)

@@ -178,7 +178,7 @@ def _care(matchers: str, states: str) -> str:
     parts = f"ros_diagnostics_component_maintenance{{{states}}} == 1"
     reasons = 'reason=~"uplink_down|domain_unreachable"'
     behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
-    quiet = f"ros_diagnostics_component_quiet_reason{{{states}"
+    suppressed = f"ros_diagnostics_component_suppressed{{{states}"
     found = _first_of(
         f"""
     label_join({ACKNOWLEDGED}{{{matchers}}}, "care", ": ", "author", "comment")
@@ -197,11 +197,11 @@ def _care(matchers: str, states: str) -> str:
             *("care", "uplink or domain down"),
         ),
         label(
-            f'max by ({_COMPONENT}) ({quiet}, reason="depends_on"}})',
+            f'max by ({_COMPONENT}) ({suppressed}, reason="depends_on"}})',
             "care",
             "depends on what fails",
         ),
-        label(f"max by ({_COMPONENT}) ({quiet}}})", "care", "part of a capability in trouble"),
+        label(f"max by ({_COMPONENT}) ({suppressed}}})", "care", "part of a capability in trouble"),
         label(f"({soft})", "care", "not confirmed"),
     )
     return f"group by ({IDENTITY}, care) (\n{found}\n)"

@@ -33,16 +33,16 @@ def run(stack: Site, *arguments: str) -> int:
 
 
 def standings(stack: Site) -> dict[str, tuple[bool, str | None]]:
-    """Of each component with a problem whether it is confirmed, and why it is quiet."""
+    """Of each component with a problem whether it is confirmed, and why it is suppressed."""
     (robot,) = http.get_json(stack.addresses.exporter, "/api/v1/fleet")["robots"]
     return {
-        each["component"]: (each["confirmed"] is not None, each["quiet"])
+        each["component"]: (each["confirmed"] is not None, each["suppressed"])
         for each in robot["problems"]
         if each["state"] == "critical"
     }
 
 
-def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
+def test_a_component_in_a_downtime_is_suppressed_and_everybody_can_see_why(
     stack: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     subjects = stack.inbox.subjects
@@ -62,7 +62,7 @@ def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
     assert REASON in capsys.readouterr().out
     assert main(["why", "robot_1", "Motor 1", "--url", url]) == 0
     text = capsys.readouterr().out
-    assert "quiet: maintenance until" in text
+    assert "suppressed: maintenance until" in text
     assert REASON in text
     assert REASON in http.get(stack.addresses.exporter, "/robots/robot_1").decode()
     assert run(stack, "--list") == 0

@@ -47,7 +47,7 @@ ROBOTS = [
         problems=[
             broken("Motor ERROR", fault=FAULT, capsule=f"/api/v1/faults/{FAULT}/capsule.mcap"),
             broken("Motor WARN", "warning", confirmed=None),
-            broken("Motor STALE", "stale", quiet="maintenance"),
+            broken("Motor STALE", "stale", suppressed="maintenance"),
         ],
         maintenance=True,
         downtimes=[downtime()],

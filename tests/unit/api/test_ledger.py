@@ -124,24 +124,28 @@ def test_a_robots_texts_stay_on_their_line():
 
 
 def test_what_is_now_says_why_nobody_is_notified():
-    quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
-    problems = [quiet, broken(notified={"email": 1_000.0})]
+    suppressed = problem(
+        "component", "critical", suppressed="maintenance", group="/M", component="Motor 1"
+    )
+    problems = [suppressed, broken(notified={"email": 1_000.0})]
     until = "maintenance until 14:00 UTC"
     stand = [
-        f"critical /M/Motor 1: quiet: {until}; nobody is notified",
+        f"critical /M/Motor 1: suppressed: {until}; nobody is notified",
         "critical /Motor/Motor 1: confirmed; notified 1 min ago: email",
     ]
     planned = robot("r", maintenance=True, maintenance_until=50_400.0)
     assert standings(problems, 1_060.0, planned) == [until, *stand]
 
 
-def test_who_planned_the_downtime_of_a_component_is_the_reason_for_quiet():
-    quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
+def test_who_planned_the_downtime_of_a_component_is_the_reason_of_suppression():
+    suppressed = problem(
+        "component", "critical", suppressed="maintenance", group="/M", component="Motor 1"
+    )
     planned = "maintenance until 20:00 UTC (ann: new gears)"
     other = downtime("Motor 2", comment="other")
-    assert standings([quiet], 1_060.0, robot("r", downtimes=[downtime("Motor 1"), other])) == [
+    assert standings([suppressed], 1_060.0, robot("r", downtimes=[downtime("Motor 1"), other])) == [
         f"Motor 1: {planned}",
         "Motor 2: maintenance until 20:00 UTC (ann: other)",
-        f"critical /M/Motor 1: quiet: {planned}; nobody is notified",
+        f"critical /M/Motor 1: suppressed: {planned}; nobody is notified",
     ]
     assert standings([], 1_060.0, robot("r")) == []

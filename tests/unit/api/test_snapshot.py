@@ -112,7 +112,7 @@ def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
     driver.raw_every(1, 40, Status(OK, "Motor"))
     driver.raw_every(1, 45, HOT)
     (soft,) = robot(driver)["problems"]
-    assert soft["confirmed"] is soft["quiet"] is None
+    assert soft["confirmed"] is soft["suppressed"] is soft["suppressed_by"] is None
     assert (soft["scope"], soft["state"], soft["severity"]) == ("component", "critical", "critical")
     assert (soft["component"], soft["since"], soft["due"]) == ("Motor", WALL + 40, WALL + 50)
     assert faults(driver.state, driver.now)["faults"] == []
@@ -168,7 +168,10 @@ def test_a_problem_of_many_robots_is_the_fleets():
     fleet = fleet_snapshot(driver.state, driver.now)
     assert [(each["scope"], each["site"]) for each in fleet["problems"]] == [("site", "hall")]
     shown = [each for each_robot in fleet["robots"] for each in each_robot["problems"]]
-    assert {(each["state"], each["quiet"]) for each in shown} == {("silent", "site")}
+    assert {(each["state"], each["suppressed"]) for each in shown} == {("silent", "site")}
+    assert {(each["suppressed_by"]["scope"], each["suppressed_by"]["site"]) for each in shown} == {
+        ("site", "hall")
+    }
     (fault,) = faults(driver.state, driver.now)["faults"]
     assert (fault["scope"], fault["site"], fault["robot"]) == ("site", "hall", "")
 
@@ -233,7 +236,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "level_before_stale": None,
         "state": "CRITICAL",
         "planned_stale": False,
-        "quiet_because": "",
+        "suppressed_because": "",
         "message": "Hot",
         "level_since": WALL,
         "changes": 0,

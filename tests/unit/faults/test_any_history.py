@@ -340,7 +340,7 @@ def test_a_new_engine_from_the_written_rows_at_any_event_changes_nothing(history
 
 @busy
 @given(histories)
-def test_none_begins_in_quiet(history):
+def test_none_begins_while_suppressed(history):
     for what, identity, robot, part in run(history).seen:
         if what != "began" or robot is None:
             continue

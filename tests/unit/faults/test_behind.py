@@ -141,8 +141,10 @@ def test_the_same_component_behind_others_of_many_robots_is_no_common_cause():
         robots=robots,
         settings=settings,
     )
-    quiet = {each.suppressed for each in last.faults.problems(last.at(300)) if each.fault is None}
-    assert quiet == {Reason.DEPENDS_ON}
+    suppressed = {
+        each.suppressed for each in last.faults.problems(last.at(300)) if each.fault is None
+    }
+    assert suppressed == {Reason.DEPENDS_ON}
 
 
 def test_what_flaps_with_it_is_one_fault():

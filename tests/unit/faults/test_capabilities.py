@@ -1,4 +1,4 @@
-"""What a robot can do: one fault for what is lost, under which its parts are quiet."""
+"""What a robot can do: one fault for what is lost, under which its parts are suppressed."""
 
 from __future__ import annotations
 
@@ -261,7 +261,7 @@ def test_a_restart_changes_nothing():
     )
 
 
-def test_maintenance_of_the_robot_is_quiet_both_ways():
+def test_maintenance_of_the_robot_is_suppressed_both_ways():
     history(
         can,
         (0, maintenance(planned=True)),

@@ -68,7 +68,7 @@ def test_of_too_few_robots_nothing_is_known_of_the_exporters_clock():
     )
 
 
-def test_silence_and_maintenance_are_quiet():
+def test_silence_and_maintenance_are_suppressed():
     play(
         (0, clocks(60.0)),
         (10, silent()),

@@ -215,7 +215,7 @@ def test_what_turns_stale_right_after_its_robots_return_is_no_change():
         assert [each.flap_ratio for each in last.faults.followed("r1").values()] == [ratio]
 
 
-def test_why_a_problem_is_quiet():
+def test_why_a_problem_is_suppressed():
     last = play((0, level("motor", ERROR)), (5, maintenance(planned=True)))
 
     view = next(last.faults.problems(last.at(last.second)))

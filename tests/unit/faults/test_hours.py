@@ -105,7 +105,7 @@ def test_a_wall_clock_that_is_set_moves_the_hours():
     assert (began.what, began.at) == ("began", WALL + BEGIN + 101)
 
 
-def test_why_it_is_quiet():
+def test_why_it_is_suppressed():
     last = play((0, level("motor", WARN)), settings=SETTINGS)
     (problem,) = last.faults.problems(last.at(20))
     assert problem.suppressed is Reason.HOURS

@@ -100,7 +100,7 @@ def test_changes_of_before_the_robots_silence_are_as_old_as_they_are():
     )
 
 
-def test_maintenance_is_quiet_both_ways():
+def test_maintenance_is_suppressed_both_ways():
     play(
         (-1, maintenance("r1", planned=True)),
         *flick(0),

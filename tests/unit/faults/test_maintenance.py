@@ -1,4 +1,4 @@
-"""Maintenance is quiet for faults of every kind; what is still wrong after it begins then."""
+"""Maintenance is suppressed for faults of every kind; what is still wrong after it begins then."""
 
 import pytest
 

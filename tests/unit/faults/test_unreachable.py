@@ -1,4 +1,4 @@
-"""Robots behind something that fails: what rests on not reaching them is quiet, and not counted."""
+"""Robots behind something that fails: what rests on that is suppressed, not counted."""
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.book import UPLINK_TIME

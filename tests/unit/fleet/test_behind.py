@@ -54,10 +54,10 @@ class Driver(StateDriver):
 
     def reasons(self) -> dict[str, str]:
         """The reasons that are served."""
-        found = map(dict, self.samples().get("component_quiet_reason", ()))
+        found = map(dict, self.samples().get("component_suppressed", ()))
         return {labels["component"]: labels["reason"] for labels in found}
 
-    def quiet(self) -> dict[str, str]:
+    def suppressed(self) -> dict[str, str]:
         found = self.state.problems(self.now, "r")
         return {each.identity.component: each.suppressed.value for each in found if each.suppressed}
 
@@ -67,11 +67,11 @@ def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
     driver.pass_to(39, "Laser")  # since 20 s
     assert driver.began() == []
     driver.pass_to(42, "Laser", "Computer 2")
-    assert driver.quiet() == {"Laser": "depends_on"}
+    assert driver.suppressed() == {"Laser": "depends_on"}
     assert driver.reasons() == {}  # it is not due yet
     driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
     assert driver.began() == ["Computer 2"]
-    assert driver.quiet() == driver.reasons() == {"Laser": "depends_on"}
+    assert driver.suppressed() == driver.reasons() == {"Laser": "depends_on"}
     driver.pass_to(400)
     assert driver.reasons() == {}
 

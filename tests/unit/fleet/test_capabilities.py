@@ -90,7 +90,7 @@ def status_of(text: str) -> Status:
         pytest.param("Lift STALE", "", "", id="as planned"),
         pytest.param(
             *("Laser 2 ERROR, Motor 2 WARN", "drive degraded, tour degraded", "drive degraded"),
-            id="Laser 2 is excused",
+            id="Laser 2 is suppressed",
         ),
         ("Laser 1 ERROR", "drive lost, tour lost, view no_reserve", "drive lost"),
         ("Battery OK 5", "charge lost", "charge lost"),

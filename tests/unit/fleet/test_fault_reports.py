@@ -749,10 +749,10 @@ def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
     driver.state.plan([planned("Motor~2", 0)], driver.now)
     driver.stand(12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
     assert driver.fault_names() == {("component", "critical", "r", "Motor")}
-    quiet = {
+    suppressed = {
         each.identity.component: each.suppressed for each in driver.state.problems(driver.now, "r")
     }
-    assert quiet == {"Motor": None, "Motor~2": Reason.MAINTENANCE}
+    assert suppressed == {"Motor": None, "Motor~2": Reason.MAINTENANCE}
 
 
 @pytest.mark.usefixtures("_short_names")
@@ -825,41 +825,41 @@ def test_the_robots_whose_clocks_differ_are_the_evidence_against_the_exporters()
     assert (fault.identity.scope.value, fault.evidence) == ("exporter", "robots: r1, r2")
 
 
-def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes():
+def test_what_a_condition_suppresses_is_a_problem_and_an_event_as_it_changes():
     charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
     driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), unless=(charging,)),))
     charger = Status(OK, "Charger")
     driver.stand(12, HOT, charger)
-    assert driver.component("Motor").quiet_because == "unless Charger is OK"
+    assert driver.component("Motor").suppressed_because == "unless Charger is OK"
     (problem,) = driver.state.problems(driver.now)
     assert (problem.suppressed, problem.because) == (Reason.CONDITION, "unless Charger is OK")
     driver.stand(2, HOT, charger._replace(level=WARN))
-    assert driver.component("Motor").quiet_because == ""
+    assert driver.component("Motor").suppressed_because == ""
     events = [each for each in driver.events if each.kind == "condition"]
     assert [(each.after, each.message) for each in events] == [
-        ("quiet", "unless Charger is OK"),
+        ("suppressed", "unless Charger is OK"),
         ("judged", ""),
     ]
 
 
-def test_a_condition_excuses_errors_of_what_may_be_stale_as_planned():
+def test_a_condition_suppresses_errors_of_what_may_be_stale_as_planned():
     charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
     rule = ComponentRule(re.compile("Motor"), unless=(charging,), planned_stale=True)
     driver = settled(MOTOR, components=(rule,))
     charger = Status(OK, "Charger")
     driver.stand(12, HOT, charger)
-    quiet = [each.identity.state for each in driver.state.problems(driver.now) if each.because]
-    assert quiet == [State.CRITICAL]
+    suppressed = [each.identity.state for each in driver.state.problems(driver.now) if each.because]
+    assert suppressed == [State.CRITICAL]
     driver.stand(12, HOT._replace(level=STALE), charger)
     assert [each for each in driver.state.problems(driver.now) if each.because] == []
 
 
-def test_what_excuses_a_component_is_known_while_the_condition_and_the_robot_are():
+def test_what_suppresses_a_component_is_known_while_the_condition_and_the_robot_are():
     charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
     driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), when=(charging,)),))
     driver.stand(2, HOT)
-    assert driver.component("Motor").quiet_because == ""
+    assert driver.component("Motor").suppressed_because == ""
     driver.stand(2, HOT, Status(WARN, "Charger"))
-    assert driver.component("Motor").quiet_because == "only when Charger is OK"
+    assert driver.component("Motor").suppressed_because == "only when Charger is OK"
     driver.at(driver.now.mono + 60)
-    assert driver.component("Motor").quiet_because == ""
+    assert driver.component("Motor").suppressed_because == ""

@@ -76,7 +76,10 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
     driver.go_on(70, *USUAL)
     driver.go_on(60, "diag")
     component = driver.component("node amcl")
-    assert (component.level, component.quiet_because) == (ERROR, "shadow mode (graph in fleet.yml)")
+    assert (component.level, component.suppressed_because) == (
+        ERROR,
+        "shadow mode (graph in fleet.yml)",
+    )
     assert driver.sample("component_level", component="node amcl") == ERROR
     assert driver.sample("component_problem_level", component="node amcl") is None
     assert driver.faults() == []
@@ -86,7 +89,7 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
 
     driver.state.configure(fleet(mode="on"), driver.now)
     driver.go_on(45, "diag")
-    assert (driver.faults(), component.quiet_because) == ([("node amcl", "critical")], "")
+    assert (driver.faults(), component.suppressed_because) == ([("node amcl", "critical")], "")
     driver.state.configure(fleet(mode="on", learn_after=61.0), driver.now)
     driver.go_on(45, "diag")
     assert driver.faults() == [("node amcl", "critical")]
@@ -119,7 +122,7 @@ def test_what_the_robot_itself_reports_as_stale_is_a_fault_also_while_messages_a
     assert set(driver.faults()) == {("Laser", "stale"), ("link", "critical")}
 
 
-def test_a_link_that_loses_messages_keeps_nothing_quiet_in_shadow():
+def test_a_link_that_loses_messages_suppresses_nothing_in_shadow():
     driver = Driver(fleet=fleet(mode="shadow"))
     driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
     driver.link = LOSSY
@@ -258,7 +261,7 @@ def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restar
     send(driver, "12 %")
     driver.go_on(15, *USUAL)
     assert driver.faults() == [("battery_state", "critical")]
-    assert driver.component("battery_state").quiet_because == ""
+    assert driver.component("battery_state").suppressed_because == ""
     again = restarted(driver, site, tmp_path / "state.db", 10)
     again.go_on(400, *USUAL)
     assert (again.level("battery_state"), ended(again)) == (STALE, [])
@@ -281,7 +284,7 @@ def test_what_the_config_asks_for_is_a_fault_of_a_shadow_too(mode):
     driver.go_on(40, "diag")
     found = ["front/battery_state", "lifecycle diag", "log diag"]
     assert sorted(driver.faults()) == [(each, "critical") for each in found]
-    shown = {each.name: each.quiet_because for each in driver.robot.components}
+    shown = {each.name: each.suppressed_because for each in driver.robot.components}
     shadow = {"node amcl": "shadow mode (graph in fleet.yml)"}
     assert shown == {"Motor": "", **dict.fromkeys(found, ""), **shadow}
 

@@ -65,8 +65,8 @@ class Driver(StateDriver):
         }
         self.state.receive_answer(query.feed, statuses, self.now)
 
-    def quiet(self, name: str) -> dict[str, str]:
-        """Why the problems of a robot are quiet."""
+    def suppressed(self, name: str) -> dict[str, str]:
+        """Why the problems of a robot are suppressed."""
         return {
             each.identity.component or each.identity.state.value: each.suppressed.value
             for each in self.state.problems(self.now, name)
@@ -99,7 +99,7 @@ def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_non
     fail(driver, "ap")
     driver.pass_to(600)
     assert driver.began == ["ap ping"]
-    assert driver.quiet("r") == {"silent": "unreachable", "ping": "unreachable"}
+    assert driver.suppressed("r") == {"silent": "unreachable", "ping": "unreachable"}
     reasons = {"fleet": "f", "robot": "r", "reason": "uplink_down"}
     assert driver.sample("robot_silent_reason", **reasons) == 1
 
@@ -152,7 +152,7 @@ def test_behind_an_uplink_that_is_behind_another_the_outermost_is_the_fault(driv
     fail(driver, "ap", "router")
     driver.pass_to(600)
     assert driver.began == ["router ping"]
-    assert driver.quiet("ap") == {"ping": "unreachable"}
+    assert driver.suppressed("ap") == {"ping": "unreachable"}
     heal(driver, all_of_them=True)
     driver.pass_to(900)
     assert (driver.began, driver.ended) == (["router ping"], ["router ping"])
@@ -246,7 +246,7 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
     driver.state.domain_failed(7, "no route", driver.now)
     driver.pass_to(300)
     assert driver.began == []
-    assert set(driver.quiet("r").values()) == {"unreachable"}
+    assert set(driver.suppressed("r").values()) == {"unreachable"}
     driver.state.domain_joined(7)
     driver.pass_to(1200)
     assert driver.began == []
@@ -254,14 +254,14 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
     assert driver.began == ["r pending"]
 
 
-def test_a_robot_that_is_added_behind_a_failing_uplink_is_quiet(driver):
+def test_a_robot_that_is_added_behind_a_failing_uplink_is_suppressed(driver):
     fail(driver, "ap")
     driver.pass_to(300)
     config = driver.state.fleet
     driver.state.configure(replace(config, robots=(*config.robots, robot("new"))), driver.now)
     driver.pass_to(1500)
     assert driver.began == ["ap ping"]
-    assert set(driver.quiet("new").values()) == {"unreachable"}
+    assert set(driver.suppressed("new").values()) == {"unreachable"}
 
 
 def test_robots_of_an_uplink_that_fails_again_and_again_do_not_flap(driver):

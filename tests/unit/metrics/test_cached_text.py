@@ -564,7 +564,7 @@ def scraped(*steps: tuple[object, ...]) -> list[tuple[tuple[object, ...], str]]:
 @example(scraped(again(level=OK), again(hardware_id="r4")))
 # In maintenance, where nothing else follows a level.
 @example(scraped(again(level=WARN), ("plan", [DOWNTIME]), again(level=ERROR)))
-# Quiet by a value of another component.
+# Suppressed by a value of another component.
 @example(scraped(("raw", "/r2/d", (Status(STALE, "Arm: left"), LASER)), again(values=HIGH)))
 # A value beyond its threshold, before and after its component is STALE.
 @example(
@@ -576,7 +576,7 @@ def scraped(*steps: tuple[object, ...]) -> list[tuple[tuple[object, ...], str]]:
         again(values=()),
     )
 )
-# A value that is quiet by another component.
+# A value that is suppressed by another component.
 @example(scraped(("raw", "/r2/d", (BATTERY, LASER)), again(level=ERROR), again(level=OK)))
 # A value that no rule judges.
 @example(scraped(("raw", "/r1/d", (LASER,)), again(values=HIGH)))

@@ -220,7 +220,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_planned_stale": [1],
         "component_problem_level": [1, 2, 3, 3],
         "component_problem_since_timestamp_seconds": [begin, begin, begin, begin + 1],
-        "component_quiet_reason": [1],
+        "component_suppressed": [1],
         "component_since_timestamp_seconds": [begin, begin, begin + 1, begin + 1],
         "component_stale_after_seconds": [2],
         "component_value": [3, 21.5],

@@ -1,4 +1,4 @@
-"""What `when` and `unless` of fleet.yml keep quiet: no fault begins, and one that lasts ends."""
+"""What `when` and `unless` of fleet.yml suppress: no fault begins, and one that lasts ends."""
 
 from __future__ import annotations
 
@@ -65,15 +65,15 @@ def standings(driver: StateDriver) -> list[str]:
 # -- unless --------------------------------------------------------------------------------------
 
 
-def test_what_a_condition_excuses_is_no_fault_and_shown_as_quiet(driver_of):
+def test_what_a_condition_suppresses_is_no_fault_and_shown_so(driver_of):
     driver = driver_of(UNLESS)
     driver.stand(SETTLED, FULL, CHARGING)
     driver.stand(60, LOW, CHARGING)
 
     assert driver.fault_names() == set()
-    quiet = "quiet: by its condition in fleet.yml, unless Charger State is charging"
-    assert standings(driver) == [f"CRITICAL Battery: {quiet}"]
-    assert changes(driver) == ["quiet by its condition: CRITICAL Battery"]
+    suppressed = "suppressed: by its condition in fleet.yml, unless Charger State is charging"
+    assert standings(driver) == [f"CRITICAL Battery: {suppressed}"]
+    assert changes(driver) == ["suppressed by its condition: CRITICAL Battery"]
     snapshot = fleet_snapshot(driver.state, driver.now)["robots"][0]
     assert state_of(snapshot) == "OK"
     assert driver.sample("component_level", component="Battery") == ERROR
@@ -92,14 +92,14 @@ def test_it_is_a_fault_confirm_after_the_condition_ceases_to_hold(driver_of):
     (fault,) = driver.state.faults()
     assert (fault.since, fault.confirmed) == (unplugged, unplugged + 10)
     assert changes(driver) == [
-        "quiet by its condition: CRITICAL Battery",
-        "no longer quiet by its condition: CRITICAL Battery",
+        "suppressed by its condition: CRITICAL Battery",
+        "no longer suppressed by its condition: CRITICAL Battery",
         "fault began: CRITICAL Battery",
     ]
 
 
 @pytest.mark.parametrize("known", [(), (charger("charging", STALE),), (charger("on"),)])
-def test_what_is_not_known_excuses_nothing(driver_of, known):
+def test_what_is_not_known_suppresses_nothing(driver_of, known):
     driver = driver_of(UNLESS)
     driver.stand(SETTLED, FULL, *known)
     driver.stand(12, LOW, *known)
@@ -140,7 +140,7 @@ def test_a_robot_that_is_back_ends_nothing_before_its_condition_is_known(driver_
     ]
 
 
-def test_a_component_that_is_stale_is_not_excused_by_its_own_values(driver_of):
+def test_a_component_that_is_stale_is_not_suppressed_by_its_own_values(driver_of):
     driver = driver_of("components: [{match: Charger, when: {key: State, equals: idle}}]")
     driver.stand(SETTLED, FULL, charger("idle"))
     driver.stand(20, FULL, charger("charging", ERROR))
@@ -211,9 +211,8 @@ def test_values_have_conditions_of_their_own(driver_of):
     assert driver.fault_names() == {("value", "critical", "r", "Battery", "Charge", "low")}
     driver.stand(20, battery("5.1", "True"))
     assert driver.fault_names() == set()
-    assert standings(driver) == [
-        "CRITICAL Battery: Charge: quiet: by its condition in fleet.yml, unless Charging is True"
-    ]
+    because = "suppressed: by its condition in fleet.yml, unless Charging is True"
+    assert standings(driver) == [f"CRITICAL Battery: Charge: {because}"]
     assert state_of(fleet_snapshot(driver.state, driver.now)["robots"][0]) == "OK"
     driver.stand(12, battery("5", "False"))
     assert driver.fault_names() == {("value", "critical", "r", "Battery", "Charge", "low")}
@@ -265,13 +264,13 @@ def test_a_fault_outlives_a_restart_and_ends_with_its_condition(driver_of, tmp_p
     again.close()
 
 
-def test_a_warning_that_is_excused_says_so_again_when_it_gets_worse(driver_of):
+def test_a_warning_that_is_suppressed_says_so_again_when_it_gets_worse(driver_of):
     driver = driver_of(UNLESS)
     driver.stand(SETTLED, LOW._replace(level=WARN), CHARGING)
     driver.stand(5, LOW, CHARGING)
     assert changes(driver) == [
-        "quiet by its condition: WARNING Battery",
-        "quiet by its condition: CRITICAL Battery",
+        "suppressed by its condition: WARNING Battery",
+        "suppressed by its condition: CRITICAL Battery",
     ]
     driver.state.forget("r", "Battery", driver.now)
     assert standings(driver) == []
@@ -305,9 +304,13 @@ def test_each_fault_ends_once_and_what_is_kept_is_as_if_evaluated_anew(driver_of
         anew = RobotConditions(driver.robot)
         anew.update((), everything=True)
         component = driver.component("Battery")
-        quiet = anew.find(component, component.rule.conditions)
-        because = quiet.because if quiet is not None and quiet.known and driver.robot.up else ""
-        assert component.quiet_because == because
+        suppressed = anew.find(component, component.rule.conditions)
+        because = (
+            suppressed.because
+            if suppressed is not None and suppressed.known and driver.robot.up
+            else ""
+        )
+        assert component.suppressed_because == because
         for event in driver.events[seen:]:
             about = event.scope, event.state, event.component, event.since
             if event.kind == "fault_began":
@@ -316,8 +319,8 @@ def test_each_fault_ends_once_and_what_is_kept_is_as_if_evaluated_anew(driver_of
             elif event.kind == "fault_ended":
                 lasting.remove(about)
         seen = len(driver.events)
-        excused = bool(because) and component.level in (WARN, ERROR)
+        suppressed = bool(because) and component.level in (WARN, ERROR)
         flapping = ("flapping", "flapping", "r", "Battery") in driver.fault_names()
-        if excused and not flapping:
+        if suppressed and not flapping:
             assert not {("component", "warning", "r", "Battery"), CRITICAL} & driver.fault_names()
     assert len(lasting) == len(driver.state.faults())

@@ -210,7 +210,7 @@ def test_an_acknowledgement_is_one_event_of_the_fault_that_it_names():
         (broken(notified={"sms": 880.0, "email": 875.0}), "notified 3 min ago: email, sms"),
         (broken(notified={}), "not notified yet"),
         (broken(notified=None), ""),
-        (problem("component", "critical", quiet="maintenance"), "nobody is notified"),
+        (problem("component", "critical", suppressed="maintenance"), "nobody is notified"),
         (problem("component", "critical"), ""),
     ],
 )

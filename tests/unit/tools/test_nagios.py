@@ -69,14 +69,14 @@ def test_a_planned_stale_sensor_is_listed_and_does_not_count():
     assert found == (2, f"CRITICAL - {listed} (confirmed, for 1 min: Pendant reports STALE)")
 
 
-def test_what_a_condition_excuses_is_listed_as_ok():
-    excused = {"confirmed": None, "quiet": "condition", "because": "unless Charger is OK"}
+def test_what_a_condition_suppresses_is_listed_as_ok():
+    suppressed = {"confirmed": None, "suppressed": "condition", "because": "unless Charger is OK"}
     value = problem(
-        "value", "critical", group="/Motor", component="Motor 2", key="Level", **excused
+        "value", "critical", group="/Motor", component="Motor 2", key="Level", **suppressed
     )
-    problems = [broken(**excused), value]
-    motor = component("Motor 1", "ERROR", quiet_because="unless Charger is OK")
-    why = "quiet: by its condition in fleet.yml, unless Charger is OK, for 1 min"
+    problems = [broken(**suppressed), value]
+    motor = component("Motor 1", "ERROR", suppressed_because="unless Charger is OK")
+    why = "suppressed: by its condition in fleet.yml, unless Charger is OK, for 1 min"
     assert checked("", robot("robot_1", motor, component("Motor 2", "OK"), problems=problems)) == (
         0,
         (
@@ -107,7 +107,7 @@ def test_with_confirmed_only_what_the_exporter_has_confirmed_counts():
     assert confirmed_only("Motor 2", BROKEN) == checked("Motor 2")
     assert confirmed_only("Battery", BROKEN) == (0, f"OK - WARNING sensor(s) list: {BATTERY}")
     # Well again, but held open, as the alert is: it counts until it has ended.
-    held = broken(well=True, quiet="flapping")
+    held = broken(healthy=True, suppressed="flapping")
     open_still = robot("robot_1", component("Motor 1", "OK"), problems=[held])
     assert confirmed_only("", open_still)[0] == 2
 
@@ -127,11 +127,14 @@ def test_with_confirmed_a_silence_and_a_short_check_count_when_they_are():
 def test_a_component_in_a_downtime_is_listed_and_does_not_count(monkeypatch):
     monkeypatch.setenv("TZ", "UTC")
     time.tzset()
-    quiet = broken("Motor 2", confirmed=None, quiet="maintenance")
-    planned = {**BROKEN, "problems": [quiet], "downtimes": [downtime("Motor 2")]}
+    suppressed = broken("Motor 2", confirmed=None, suppressed="maintenance")
+    planned = {**BROKEN, "problems": [suppressed], "downtimes": [downtime("Motor 2")]}
     code, text = checked("motor 2", planned)
     assert code == 0
-    assert "(quiet: maintenance until 20:00 (ann: new gears), for 1 min: Over temperature)" in text
+    assert (
+        "(suppressed: maintenance until 20:00 (ann: new gears), for 1 min: Over temperature)"
+        in text
+    )
     assert checked("motor 2", {**planned, "downtimes": [downtime("Motor 1")]})[0] == 2
 
 
@@ -168,7 +171,7 @@ def test_a_value_beyond_its_threshold_counts():
             "(Level 12.3 V, low threshold 13: not confirmed yet, 5 s left, for 1 min)"
         ),
     )
-    again = {**beyond, "well": True, "confirmed": 1_010.0, "quiet": "maintenance"}
+    again = {**beyond, "healthy": True, "confirmed": 1_010.0, "suppressed": "maintenance"}
     assert checked("", {**shown, "problems": [again]})[0] == 0
 
 
@@ -190,7 +193,9 @@ def test_performance_data_have_thresholds_as_ranges_and_units_of_the_guidelines(
 
 def test_the_text_fits_into_what_nagios_reads():
     many = [component(f"Motor {n}" + "x" * 240, "ERROR", message="x" * 4_000) for n in range(500)]
-    bad = [broken(f"Motor {n}" + "x" * 240, quiet="common", confirmed=None) for n in range(500)]
+    bad = [
+        broken(f"Motor {n}" + "x" * 240, suppressed="common", confirmed=None) for n in range(500)
+    ]
     _, line = check(fleet(robot("robot_1", *many, problems=bad)), "robot_1", "")
     assert "critical=500;;;0" in line
     assert len(line) < 8_192

@@ -26,7 +26,7 @@ FLEET = fleet(
         silent_reason="mute",
         maintenance=True,
         maintenance_until=90_000.0,
-        problems=[problem("robot", "silent", quiet="maintenance")],
+        problems=[problem("robot", "silent", suppressed="maintenance")],
     ),
     robot("spare", up=False, silent_reason="never_seen", last_message=None),
 )
@@ -62,7 +62,7 @@ def test_the_worst_robots_come_first_with_their_faults(show):
     assert order == sorted(order)
     shown = " ".join(text.split())
     assert (
-        "UNKNOWN robot_3 robot is silent quiet: maintenance until 1970-01-02 01:00 00:16:40, "
+        "UNKNOWN robot_3 robot is silent suppressed: maintenance until 1970-01-02 01:00 00:16:40, "
         "1 min its publisher sends nothing (mute)"
     ) in shown
     assert ("CRITICAL robot_2 /Motor/Motor 1 confirmed 00:16:40, 1 min Over temperature") in shown
@@ -104,7 +104,7 @@ def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
             robot(
                 evil,
                 component(evil, "ERROR", message=evil, group=evil),
-                problems=[broken(evil, group=evil, quiet=evil)],
+                problems=[broken(evil, group=evil, suppressed=evil)],
             )
         )
     )
@@ -118,7 +118,7 @@ def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
 def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     bad = [broken(f"Motor {n}") for n in range(20)]
-    site = problem("site", "silent", site="hall", quiet="restart")
+    site = problem("site", "silent", site="hall", suppressed="restart")
     given = fleet(robot("a", problems=bad), robot("b"), problems=[site])
     server = serve(fleet_snapshot=lambda: given)
     url = f"http://{server.addresses[0]}"
@@ -127,7 +127,7 @@ def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypa
     assert text.count("/Motor/Motor") == 5
     assert "and 15 more" in text
     assert "site hall" in text
-    assert "quiet: the exporter has just started" in text
+    assert "suppressed: the exporter has just started" in text
     assert main(["status", "--url", url, "--robot", "a"]) == 0
     assert "site hall" not in capsys.readouterr().out
 

@@ -13,8 +13,8 @@ from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Change, Reason, Scope, State
 from ros_diagnostics_exporter.notifications import parse
 from ros_diagnostics_exporter.robots.rejections import SilentReason
-from ros_diagnostics_exporter.severity import QUIET
 from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
+from ros_diagnostics_exporter.severity import SUPPRESSED
 from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
 from support.web_server import (
@@ -34,7 +34,7 @@ LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
 LOG.record(Event(2.0, "config"))
 SILENT = {"up": False, "silent_reason": "never_seen", "last_message": None, "topic": None}
 
-OF_PROBLEMS = {"due", "quiet", "well"}
+OF_PROBLEMS = {"due", "suppressed", "suppressed_by", "healthy"}
 PART = dict.fromkeys(("group", "component", "key", "check", "robot"), "")
 
 
@@ -69,7 +69,7 @@ def server():
                 "a",
                 component("Motor 1", "STALE"),
                 component("Cam 1", "OK"),
-                problems=[broken(), broken(confirmed=None, quiet="maintenance")],
+                problems=[broken(), broken(confirmed=None, suppressed="maintenance")],
                 maintenance=True,
                 maintenance_until=2_000.0,
                 downtimes=[downtime("Cam 1")],
@@ -154,10 +154,10 @@ def test_the_description_follows_the_telemetry_path():
 def test_the_description_and_the_words_have_every_reason_scope_and_state():
     schemas = openapi("/metrics")["components"]["schemas"]
     event = schemas["Event"]["properties"]
-    quiet = schemas["Problem"]["allOf"][1]["properties"]["quiet"]["enum"]
+    suppressed = schemas["Problem"]["allOf"][1]["properties"]["suppressed"]["enum"]
     for each in (schemas["Identity"]["properties"], event):
         assert set(each["scope"]["enum"]) == {scope.value for scope in Scope}
         assert set(each["state"]["enum"]) == {state.value for state in State}
     assert {*event["reason"]["enum"], "began"} == set(get_args(get_type_hints(Change)["what"]))
-    assert {each.value for each in Reason} <= set(quiet) - {None} == set(QUIET)
+    assert {each.value for each in Reason} <= set(suppressed) - {None} == set(SUPPRESSED)
     assert set(get_args(SilentReason)) == set(SILENT_WORDS)

@@ -13,7 +13,7 @@ import yaml
 from markupsafe import escape
 
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.severity import QUIET, state_of
+from ros_diagnostics_exporter.severity import SUPPRESSED, state_of
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
 from ros_diagnostics_exporter.web.runbooks import alert_of
@@ -67,7 +67,7 @@ def test_all_texts_of_robots_are_escaped():
         problems=[
             problem("component", "critical", component=EVIL, group=EVIL),
             problem("value", "warning", component=EVIL, key=EVIL, evidence=EVIL, confirmed=1.0),
-            problem("check", "critical", check=EVIL, evidence=EVIL, quiet=EVIL),
+            problem("check", "critical", check=EVIL, evidence=EVIL, suppressed=EVIL),
             problem("robot", "silent"),
         ],
     )
@@ -391,7 +391,7 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
         "its publisher sends nothing (mute)"
     ) in problems
     assert "Motor 3" not in problems  # of a silent robot everything is stale
-    starting = problem("robot", "silent", quiet="restart")
+    starting = problem("robot", "silent", suppressed="restart")
     text = text_of(robot("a", problems=[starting], **SILENT))
     assert "not received since the exporter started" in text
     assert "its publisher sends nothing" not in text
@@ -402,15 +402,17 @@ def test_of_robots_in_one_state_those_with_confirmed_problems_come_first():
         return robot(name, component("Motor 1", "ERROR"), problems=[broken(**changed)])
 
     text = text_of(
-        given("a_quiet", confirmed=None, quiet="common"),
+        given("a_suppressed", confirmed=None, suppressed="common"),
         given("b_soft", confirmed=None),
         given("c"),
     )
-    order = [text.index(name) for name in ("c CRITICAL", "b_soft CRITICAL", "a_quiet CRITICAL")]
+    order = [
+        text.index(name) for name in ("c CRITICAL", "b_soft CRITICAL", "a_suppressed CRITICAL")
+    ]
     assert order == sorted(order)
 
 
-def test_a_problem_is_confirmed_or_not_yet_or_quiet_with_the_reason():
+def test_a_problem_is_confirmed_or_not_yet_or_suppressed_with_the_reason():
     def shown(**changed) -> str:
         given = robot("a", component("Motor 1", "ERROR"), problems=[broken(**changed)])
         text = text_of({**given, "maintenance": True, "maintenance_until": 72_000.0})
@@ -420,12 +422,14 @@ def test_a_problem_is_confirmed_or_not_yet_or_quiet_with_the_reason():
     assert shown(confirmed=None) == "not confirmed yet, 5 s left"
     assert shown(confirmed=None, due=2_000.0) == "not confirmed yet, 15 min left"
     assert shown(confirmed=None, due=1_060.0) == "not confirmed yet"
-    for reason, words in QUIET.items():
+    for reason, words in SUPPRESSED.items():
         if reason != "maintenance":
-            assert shown(confirmed=None, quiet=reason) == f"quiet: {words}"
-    assert shown(confirmed=None, quiet="maintenance") == "quiet: maintenance until 20:00 UTC"
-    assert shown(quiet="flapping", well=True) == (
-        "confirmed; well again, still open: it is flapping"
+            assert shown(confirmed=None, suppressed=reason) == f"suppressed: {words}"
+    assert (
+        shown(confirmed=None, suppressed="maintenance") == "suppressed: maintenance until 20:00 UTC"
+    )
+    assert shown(suppressed="flapping", healthy=True) == (
+        "confirmed; healthy again, still open: it is flapping"
     )
 
 
@@ -433,7 +437,7 @@ def test_a_milder_problem_that_goes_on_under_a_worse_one_is_not_listed():
     motor = component("Motor 1", "ERROR")
     problems = [broken(), broken(state="warning"), broken("Motor 2", "warning")]
     assert text_of(robot("a", motor, problems=problems)).count("/Motor/Motor 1") == 1
-    problems[0] = broken(well=True, quiet="flapping")
+    problems[0] = broken(healthy=True, suppressed="flapping")
     assert text_of(robot("a", motor, problems=problems)).count("/Motor/Motor 1") == 2
     many = [problem("robot", "many", severity=each) for each in ("critical", "warning")]
     assert text_of(robot("a", motor, problems=many)).count("many components failed at once") == 1
@@ -445,7 +449,7 @@ def test_maintenance_and_flapping_are_marked():
     text = text_of(given, robot("b", maintenance=True, maintenance_until=90_000.0, problems=[MUTE]))
     assert "a OK flapping" in text
     assert text.count("flapping") == 2
-    assert "a OK flapping" not in text_of(robot("a", problems=[flapping | {"well": True}]))
+    assert "a OK flapping" not in text_of(robot("a", problems=[flapping | {"healthy": True}]))
     assert "flapping: 25% of its last states were changes" in text
     assert "maintenance until 1970-01-02 01:00 UTC" in text
     given = robot(
@@ -537,19 +541,19 @@ def test_the_size_of_the_pages_is_limited():
     assert len(one) < 5_000_000
 
 
-def test_what_a_condition_excuses_is_no_trouble_and_its_problem_says_why():
-    excused = {"confirmed": None, "quiet": "condition", "because": "unless Charger is OK"}
-    motor = component("Motor 1", "ERROR", quiet_because="unless Charger is OK")
+def test_what_a_condition_suppresses_is_no_trouble_and_its_problem_says_why():
+    suppressed = {"confirmed": None, "suppressed": "condition", "because": "unless Charger is OK"}
+    motor = component("Motor 1", "ERROR", suppressed_because="unless Charger is OK")
     value = problem(
-        "value", "critical", group="/Motor", component="Motor 2", key="Level", **excused
+        "value", "critical", group="/Motor", component="Motor 2", key="Level", **suppressed
     )
-    given = robot("a", motor, problems=[broken(**excused), value])
+    given = robot("a", motor, problems=[broken(**suppressed), value])
     assert state_of(given) == "OK"
     text = text_of(given)
-    assert "quiet: by its condition in fleet.yml, unless Charger is OK since" in text
+    assert "suppressed: by its condition in fleet.yml, unless Charger is OK since" in text
     page = robot_page(fleet(given), "a", [])
     assert page is not None
-    assert "<span class=mark>quiet</span>" in page
+    assert "<span class=mark>suppressed</span>" in page
 
 
 def test_a_failed_check_is_critical_and_shows_the_numbers():
@@ -614,7 +618,7 @@ def test_a_robots_page_has_who_takes_care_of_a_problem_and_the_ledger_of_its_fau
     shown = page(broken(notified={"email": 1_000.0}, acknowledged=taken), entries)
     assert "acknowledged by ann: &lt;spare part&gt;; notified 1 min ago: email</span>" in shown
     assert "00:16:41 UTC</span> notification sent to &lt;email&gt;</li>" in shown
-    shown = page(broken(confirmed=None, quiet="common"), [])
+    shown = page(broken(confirmed=None, suppressed="common"), [])
     assert "for 1 min; one notification for all</span>" in shown
     assert "The last faults in order" not in shown
 

@@ -74,7 +74,7 @@ LATCH = "without latch: a fault ends when its parts are received better; nothing
 HYSTERESIS = "a problem is a fault after confirm_after of its component or profile"
 DEPENDENT = (
     "without dependent: it marks a unit for displays and changes no level; here parts that failed "
-    "are quiet under one capability"
+    "are suppressed under one capability"
 )
 
 

@@ -130,7 +130,7 @@ def test_a_condition_is_judged_as_by_the_running_exporter(tmp_path):
     assert texts(result) == ["40 50 70 brake critical", "40 50 70 motor critical"]
 
 
-def test_what_a_condition_excuses_all_the_time_is_quiet(tmp_path):
+def test_what_a_condition_suppresses_all_the_time_is_counted_so(tmp_path):
     rows = every_second(range(120), {"motor": range(40, 90), "brake": []})
     brake = Condition("brake is OK", (Pattern("brake"),), levels=(0,))
     rule = ComponentRule(Pattern("motor"), unless=(brake,))
@@ -138,4 +138,4 @@ def test_what_a_condition_excuses_all_the_time_is_quiet(tmp_path):
     result = judged(fleet(components=(rule,)), write_json(tmp_path / "recording.json", rows))
 
     assert texts(result) == []
-    assert [each.verdict for each in result.outages] == ["quiet"]
+    assert [each.verdict for each in result.outages] == ["suppressed"]
