@@ -1,5 +1,9 @@
 """A small JSON client over HTTP(S), with the standard library alone.
 
+A request has one time limit, from connecting to the last byte of the answer, whatever the server
+does in between. A redirect is an error: the text of an error may be shown to anybody, and would
+say which ports of other hosts are open.
+
 Used by the commands, and by the exporter for Alertmanager. A Nagios check is a new process every
 time, so every import here is paid at every check.
 """
@@ -9,14 +13,13 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import socket
 import ssl
 import time
-import urllib.error
 import urllib.parse
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 LIMIT = 256 * 1024 * 1024  # bytes of a response; a fleet of 1,000 robots has some four million
 CHUNK = 64 * 1024  # bytes read at once
@@ -43,7 +46,7 @@ class Client:
 
     Args:
         url: Of the server; paths are appended to it.
-        timeout: Seconds for a whole response.
+        timeout: Seconds from connecting to the last byte of the response.
         user: For basic authentication; needs a password_file.
         password_file: Holds the password in one line; read for each request.
         bearer_token_file: Holds a bearer token in one line, in place of user and password; read
@@ -147,31 +150,32 @@ class Client:
 
     def _bytes(self, path: str, body: Any, limit: int, method: str | None = None) -> bytes:
         url = self.url.rstrip("/") + path
-        content = None if body is None else json.dumps(body).encode()
         try:
-            headers = {} if body is None else {"Content-Type": "application/json"}
-            opener = urllib.request.build_opener(*self._handlers())
-            request = urllib.request.Request(  # noqa: S310 - the user's
-                url, content, headers, method=method
-            )
-            for name, login in self._login().items():
-                request.add_unredirected_header(name, login)  # a redirect may lead anywhere
-            with opener.open(request, timeout=self._timeout) as response:
-                return _read(response, limit, time.monotonic() + self._timeout)
-        except urllib.error.HTTPError as error:
-            said = _beginning(error, time.monotonic() + self._timeout)
-            what = f"{url} answered {error.code} {error.reason}"
-            raise AnsweredError(what, error.code, said) from error
+            connection, target = self._connection(url)
+            content = None if body is None else json.dumps(body).encode()
+            headers = {"Connection": "close", **self._login()}
+            if content is not None:
+                headers["Content-Type"] = "application/json"
+            try:
+                method = method or ("GET" if content is None else "POST")
+                connection.request(method, target, content, headers)
+                with connection.getresponse() as response:
+                    return _read(response, url, limit)
+            finally:
+                connection.close()
         except (OSError, ValueError, http.client.HTTPException) as error:
-            # URLError is an OSError, a bad URL a ValueError.
-            raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
+            raise UnreachableError(f"{url}: {error or type(error).__name__}") from error
 
-    def _handlers(self) -> list[urllib.request.BaseHandler]:
-        # No proxies: the server is near, and those of the environment lead elsewhere.
-        handlers: list[urllib.request.BaseHandler] = [urllib.request.ProxyHandler({})]
-        if self.url.startswith("https:"):  # reading all CAs costs a quarter of a whole check
-            handlers.append(urllib.request.HTTPSHandler(context=self._tls_context()))
-        return handlers
+    def _connection(self, url: str) -> tuple[_Connection, str]:
+        """A connection to the server, and what to ask it for."""
+        parts = urllib.parse.urlsplit(url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise ValueError("it is not the URL of a server, such as http://HOST:PORT")
+        # Reading all CAs costs a quarter of a whole check.
+        tls = self._tls_context() if parts.scheme == "https" else None
+        port = parts.port or (http.client.HTTP_PORT if tls is None else http.client.HTTPS_PORT)
+        target = urllib.parse.urlunsplit(("", "", parts.path or "/", parts.query, ""))
+        return _Connection(parts.hostname, port, time.monotonic() + self._timeout, tls), target
 
     def _tls_context(self) -> ssl.SSLContext:
         try:
@@ -196,22 +200,77 @@ class Client:
         return {"Authorization": f"Basic {encoded}"}
 
 
-def _beginning(error: urllib.error.HTTPError, deadline: float) -> bytes:
-    """The body of an error, as far as it arrives; the error counts, not its body."""
-    body = b""
-    try:
-        while len(body) < MAX_ERROR and time.monotonic() < deadline:
-            chunk = error.read1(MAX_ERROR - len(body))
-            if not chunk:
-                break
-            body += chunk
-    except (OSError, http.client.HTTPException):
-        return body
-    return body
+class _Socket(socket.socket):
+    """A socket that waits until a moment, not for a time between two pieces."""
+
+    deadline: float  # monotonic
+
+    def wait_no_longer(self) -> None:
+        """Let the next call take what is left of the time."""
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise TimeoutError("timed out")
+        self.settimeout(left)
+
+    def recv_into(self, *given: Any, **named: Any) -> int:
+        self.wait_no_longer()
+        return super().recv_into(*given, **named)
+
+    def send(self, *given: Any, **named: Any) -> int:
+        self.wait_no_longer()
+        return super().send(*given, **named)
+
+    def sendall(self, *given: Any, **named: Any) -> None:
+        self.wait_no_longer()
+        super().sendall(*given, **named)
 
 
-def _read(response: http.client.HTTPResponse, limit: int, deadline: float) -> bytes:
-    """The whole body. The socket's own timeout does not stop a server that sends byte by byte."""
+class _TlsSocket(_Socket, ssl.SSLSocket):
+    """The same with TLS."""
+
+
+class _Connection(http.client.HTTPConnection):
+    """A connection that ends at ``deadline`` (monotonic), with TLS where ``tls`` is given."""
+
+    def __init__(self, host: str, port: int, deadline: float, tls: ssl.SSLContext | None) -> None:
+        super().__init__(host, port)
+        self._deadline = deadline
+        self._tls = tls
+        self.default_port = http.client.HTTP_PORT if tls is None else http.client.HTTPS_PORT
+
+    def connect(self) -> None:
+        """Connect to the first of the host's addresses that answers."""
+        self.sock = connected = self._connected()
+        if self._tls is not None:
+            connected.wait_no_longer()
+            self._tls.sslsocket_class = _TlsSocket
+            secured = self._tls.wrap_socket(connected, server_hostname=self.host)
+            cast("_TlsSocket", secured).deadline = self._deadline
+            self.sock = secured
+
+    def _connected(self) -> _Socket:
+        failed: OSError | None = None
+        for family, kind, protocol, _name, address in socket.getaddrinfo(
+            self.host, self.port, type=socket.SOCK_STREAM
+        ):
+            tried = _Socket(family, kind, protocol)
+            tried.deadline = self._deadline
+            try:
+                tried.wait_no_longer()
+                tried.connect(address)
+            except OSError as error:
+                tried.close()
+                failed = error
+            else:
+                return tried
+        raise failed or OSError("it has no address")
+
+
+def _read(response: http.client.HTTPResponse, url: str, limit: int) -> bytes:
+    """The whole body of an answer that is no error."""
+    if response.status >= http.client.MULTIPLE_CHOICES:
+        what = f"{url} answered {response.status} {response.reason}"
+        raise AnsweredError(what, response.status, _beginning(response))
     chunks: list[bytes] = []
     size = 0
     while chunk := response.read1(CHUNK):
@@ -219,8 +278,17 @@ def _read(response: http.client.HTTPResponse, limit: int, deadline: float) -> by
         size += len(chunk)
         if size > limit:
             raise ValueError(f"answered more than {limit} bytes")
-        if time.monotonic() > deadline:
-            raise TimeoutError("timed out")
     if response.length:  # bytes are missing; only read() would have noticed
         raise http.client.IncompleteRead(b"".join(chunks), response.length)
     return b"".join(chunks)
+
+
+def _beginning(response: http.client.HTTPResponse) -> bytes:
+    """The body of an error, as far as it arrives; the error counts, not its body."""
+    body = b""
+    try:
+        while len(body) < MAX_ERROR and (chunk := response.read1(MAX_ERROR - len(body))):
+            body += chunk
+    except (OSError, http.client.HTTPException):
+        return body
+    return body

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from importlib import import_module
 from keyword import iskeyword
 from typing import Any
-from urllib.error import HTTPError
 
 import click
 from click.shell_completion import CompletionItem
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
 from ros_diagnostics_exporter.texts import printable
 from ros_diagnostics_tools.errors import (
     INTERRUPTED,
@@ -117,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(error, NO)
     except UnreachableError as error:
         # A server that answers with an error has been reached: it does not know, or refuses.
-        return _fail(error, NO if isinstance(error.__cause__, HTTPError) else UNREACHABLE)
+        return _fail(error, NO if isinstance(error, AnsweredError) else UNREACHABLE)
     except OSError as error:
         return _fail(error, NO)
 

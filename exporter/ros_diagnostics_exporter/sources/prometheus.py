@@ -294,9 +294,7 @@ def _asked(
     except AnsweredError as error:
         raise QueryError(_own_words(error, client.url)) from error
     except UnreachableError as error:
-        reason = error.__cause__
-        why = getattr(reason, "reason", None) or reason or error
-        raise QueryError(_line(f"no answer of {client.url}: {why}")) from error
+        raise QueryError(_line(f"no answer of {client.url}: {error.__cause__ or error}")) from error
     try:
         return read(answer["data"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:

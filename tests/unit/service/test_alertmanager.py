@@ -226,30 +226,6 @@ def asked(server: ThreadingHTTPServer) -> Alertmanager:
     return Alertmanager([f"http://127.0.0.1:{server.server_port}"])
 
 
-def test_a_redirect_does_not_carry_the_password_on(server, tmp_path, monkeypatch):
-    """Where it points the administrator of that Alertmanager knows, perhaps."""
-    (tmp_path / "password").write_text("secret\n")
-    client = Client(
-        f"http://127.0.0.1:{server.server_port}", user="ann", password_file=tmp_path / "password"
-    )
-    answers = iter([redirect("/elsewhere"), say(b"[]")])
-    monkeypatch.setattr(server, "reply", lambda handler: next(answers)(handler))  # noqa: PLW0108
-
-    assert client.get("/api") == []
-    logins = [(path, "Authorization" in headers) for path, headers in server.asked]
-    assert logins == [("/api", True), ("/elsewhere", False)]
-
-
-def redirect(to: str) -> Reply:
-    def reply(handler: BaseHTTPRequestHandler) -> None:
-        handler.send_response(302)
-        handler.send_header("Location", to)
-        handler.send_header("Content-Length", "0")
-        handler.end_headers()
-
-    return reply
-
-
 JUNK = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=9), inner),
