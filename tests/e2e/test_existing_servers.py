@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from threading import Thread
 from typing import Any
 
 import pytest
 import yaml
 
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 from support.alerts import post_alerts
-from support.existing_site import ALERTMANAGER, OWN_RULES, PROMETHEUS, added
-from testbed import servers
+from support.existing_site import ALERTMANAGER, OWN_RULES, PAGE, PROMETHEUS, added
+from testbed import http, servers
 from testbed.configuration import CHECKOUT
 from testbed.mail import Inbox
 from testbed.polling import until
@@ -78,27 +81,96 @@ def test_what_others_have_goes_on(alertmanager: str, mails: Mails):
         alert("RosDiagnosticsWatchdog", "info"),
         alert("DiskFull", "warning", disk="sda"),
         alert("DiskFull", "warning", disk="sdb"),
-        alert("HostDown", "critical"),
-        alert("HostDown", "warning"),
+        alert("HostDown", "critical", cluster="lab"),
+        alert("HostDown", "warning", cluster="lab"),
     )
     until(lambda: mails.to("ops@example.org"), "the mail about disks", 120)
     until(lambda: mails.to("pager@example.org"), "the mail about hosts", 60)
 
     assert mails.to("ops@example.org") == ["[FIRING:2] DiskFull prod (warning)"]
-    assert mails.to("pager@example.org") == ["[FIRING:1] HostDown prod (critical)"]
+    assert mails.to("pager@example.org") == ["[FIRING:1] HostDown lab (critical)"]
     assert mails.to("heartbeat@example.org")
     assert not mails.subjects()
 
 
-def test_a_critical_alert_mutes_no_warning_about_another_robot(alertmanager: str, mails: Mails):
+def test_a_robot_suppresses_no_warning_of_the_site_and_the_site_none_of_a_robot(
+    alertmanager: str,
+):
     of = {"fleet": "hall", "scope": "robot", "state": "many"}
-    critical = alert("RosDiagnosticsManyComponents", "critical", robot="r1", **of)
-    post_alerts(alertmanager, critical)
-    until(lambda: len(mails.subjects()) == 1, lambda: str(mails.subjects()), 60)
-    post_alerts(alertmanager, alert("RosDiagnosticsManyComponents", "warning", robot="r2", **of))
-    until(lambda: len(mails.subjects()) == 2, lambda: str(mails.subjects()), 60)
+    post_alerts(
+        alertmanager,
+        alert("RosDiagnosticsManyComponents", "critical", robot="r1", **of),
+        alert("RosDiagnosticsOwnGripperDown", "critical", robot="r1"),
+        alert("RosDiagnosticsManyComponents", "warning", robot="r2", **of),
+        alert("RosDiagnosticsOwnDiskFillsUp", "warning", robot="r2"),
+        alert("DiskFull", "warning"),
+        alert("HostDown", "critical", cluster="lab"),
+        alert("RosDiagnosticsManyComponents", "warning", robot="r3", **of, cluster="lab"),
+        alert("DiskFull", "warning", cluster="lab"),
+    )
 
-    assert ["r1" in mails.subjects()[0], "r2" in mails.subjects()[1]] == [True, True]
+    def suppressed() -> list[tuple[str, str]]:
+        return [
+            (each["labels"]["alertname"], each["labels"]["cluster"])
+            for each in http.get_json(alertmanager, "/api/v2/alerts")
+            if each["status"]["inhibitedBy"]
+        ]
+
+    until(suppressed, "the site's own inhibition", 60)
+    assert suppressed() == [("DiskFull", "lab")]
+    groups = http.get_json(alertmanager, "/api/v2/alerts/groups")
+    receivers = {
+        (each["labels"]["alertname"], group["receiver"]["name"])
+        for group in groups
+        for each in group["alerts"]
+        if each["labels"]["alertname"].startswith("RosDiagnosticsOwn")
+    }
+    assert receivers == {
+        ("RosDiagnosticsOwnGripperDown", "robots"),
+        ("RosDiagnosticsOwnDiskFillsUp", "robots"),
+    }
+
+
+@pytest.fixture
+def long_message() -> Iterator[str]:
+    """The address of a target with a message as long as the exporter lets one be."""
+
+    class Target(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            text = "\N{ROBOT FACE}" * MAX_TEXT
+            body = f'ros_diagnostics_component_message{{message="{text}"}} 1\n'.encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Nothing: pytest's output is for failures."""
+
+    with HTTPServer(("127.0.0.1", 0), Target) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_long_message_stops_the_scrape_below_the_limit_of_the_page(site: Site, long_message: str):
+    sentence = r"`label_value_length_limit` .* has to be (\d+) or more"
+    (limit,) = re.findall(sentence, PAGE.read_text())
+    jobs = "".join(
+        f"- job_name: {name}\n"
+        f"  scrape_interval: 1s\n"
+        f"  label_value_length_limit: {value}\n"
+        f'  static_configs: [{{targets: ["{long_message}"]}}]\n'
+        for name, value in (("as_the_page", int(limit)), ("below", int(limit) - 1))
+    )
+    config = site.write("prometheus.yml", f"scrape_configs:\n{jobs}")
+    site.start(
+        servers.prometheus(site.folder, config, site.addresses.prometheus)
+    ).wait_until_ready()
+
+    until(lambda: site.query('up{job="as_the_page"} == 1'), "the scrape with the limit", 60)
+    until(lambda: site.query('up{job="below"} == 0'), "the scrape below the limit", 60)
+    assert not site.query('up{job="below"} == 1')
 
 
 class Chain:

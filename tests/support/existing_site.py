@@ -33,7 +33,7 @@ route:
 inhibit_rules:
   - source_matchers: [severity = critical]
     target_matchers: [severity =~ "warning|info"]
-    equal: [alertname, cluster]
+    equal: [cluster]
 receivers:
 - name: ops
   email_configs: [{{to: ops@example.org}}]
@@ -86,7 +86,11 @@ def added(config: str, file: str) -> str:
         indented = textwrap.indent(piece, found[2])
         config = config[: found.end(1)] + f"{key}:\n{indented}{found[2]}" + config[found.end() :]
     if file == "alertmanager.yml":
-        before, after = re.findall(r"^[-+] {2,}(target_matchers: .*)", page, re.MULTILINE)
-        assert before in config
-        config = config.replace(before, after)
+        changes = re.findall(r"^([-+]) {2,}((?:source|target)_matchers: .*)", page, re.MULTILINE)
+        removed, exempt = (
+            [line for sign, line in changes if sign == wanted] for wanted in ("-", "+")
+        )
+        for before, after in zip(removed, exempt, strict=True):
+            assert before in config
+            config = config.replace(before, after)
     return config

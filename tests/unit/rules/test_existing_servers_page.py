@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from support.shipped_rules import ALERTMANAGER, ROOT, run_tool
+from support import existing_site
+from support.shipped_rules import ALERTMANAGER, ROOT, RULE_FILES, run_tool
 
 PAGE = (ROOT / "docs" / "existing-servers.md").read_text()
 SHIPPED = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())
@@ -63,3 +64,53 @@ def test_amtool_finds_the_receiver_that_the_page_names(tmp_path: Path):
     assert found
     route = f"--config.file={config}"
     assert run_tool("amtool", *found[1].split(), route, *found[2].split()) == f"{found[3]}\n"
+
+
+def test_each_inhibition_of_a_site_is_exempted_on_both_sides():
+    given = existing_site.ALERTMANAGER.format(smtp="localhost:25")
+    theirs = len(yaml.safe_load(given)["inhibit_rules"])
+    rules = yaml.safe_load(existing_site.added(given, "alertmanager.yml"))["inhibit_rules"]
+
+    for rule in rules[len(rules) - theirs :]:
+        for side in ("source_matchers", "target_matchers"):
+            assert rule[side][-1] == 'alertname !~ "RosDiagnostics.+"', rule
+
+
+def series(metric: str, **labels: str) -> str:
+    pairs = ", ".join(f'{name}="{value}"' for name, value in labels.items())
+    return f"{metric}{{{pairs}}}"
+
+
+def firing(name: str) -> str:
+    return series("ALERTS", alertname=f"RosDiagnostics{name}", alertstate="firing")
+
+
+def test_labels_of_the_target_come_to_faults_and_not_to_an_exporter_that_is_down(tmp_path: Path):
+    target = {"env": "prod", "job": "j", "instance": "e"}
+    fault = {"fault": "1", "scope": "component", "state": "critical", "severity": "critical"}
+    settled = series("ros_diagnostics_exporter_settled", fleet="f", **target)
+    start = series("ros_diagnostics_fault_start_timestamp_seconds", fleet="f", **fault, **target)
+    test = {
+        "interval": "5s",
+        "input_series": [
+            {"series": series("up", **target), "values": "1x12 0x40"},
+            {"series": settled, "values": "1x12 stale"},
+            {"series": start, "values": "5x12 stale"},
+        ],
+        "promql_expr_test": [
+            {
+                "expr": f"group by (fleet, env) ({firing(name)})",
+                "exp_samples": [{"labels": series("", **labels), "value": 1}],
+                "eval_time": "3m",
+            }
+            for name, labels in (
+                ("ComponentCritical", {"fleet": "f", "env": "prod"}),
+                ("ExporterDown", {"fleet": "f"}),
+            )
+        ],
+    }
+    files = [str(each) for each in RULE_FILES]
+    content = {"rule_files": files, "evaluation_interval": "5s", "tests": [test]}
+    (tmp_path / "test.yml").write_text(yaml.safe_dump(content))
+
+    run_tool("promtool", "test", "rules", tmp_path / "test.yml")
