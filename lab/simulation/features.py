@@ -37,6 +37,7 @@ CONFIRM = 10.0
 # A problem that nothing explains is a fault this long after it is due: see `suppression.latest`,
 # and once more for what an explanation that was never a fault leaves behind it.
 PATIENCE = 2 * 60.0 + CONFIRM
+WAITS = 60.0  # seconds for which what is no fault yet may suppress what is due
 COMPONENTS = {
     "board": ComponentSettings(CONFIRM, planned_stale=True),
     "lidar upper": ComponentSettings(CONFIRM, depends_on=frozenset({("", "board")})),
@@ -206,7 +207,10 @@ class World:
                 continue
             assert identity in views, identity
             view = views[identity]
-            if view.suppressed in BY_A_PERSON or view.due > self.player.at(self.second).wall:
+            now = self.player.at(self.second)
+            waits_since = faults._book.problems[identity].waits_since  # noqa: SLF001 - no other has it
+            waits = waits_since is not None and now.mono <= waits_since + WAITS
+            if view.suppressed in BY_A_PERSON or view.due > now.wall or waits:
                 continue
             assert self._is_reported(view.by, views, lasting), view
 

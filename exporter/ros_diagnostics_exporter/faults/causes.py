@@ -60,7 +60,8 @@ def _is_explained(
     if settings.measured and robot.cut_off_since is not None:
         return Reason.UNREACHABLE in reasons
     is_common = (Scope.COMMON, component.name.component) in book.causes
-    if not (settings.depends_on or settings.measured or robot.settings.uplink or is_common):
+    is_absent = component.level is Level.STALE and bool(robot.settings.uplink)
+    if not (settings.depends_on or settings.measured or is_common or is_absent):
         return False
     return suppression.is_explained(book, component.problems.values(), reasons, now)
 
@@ -189,7 +190,7 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     unplanned = [each for each in lasting if not (each.is_planned_stale or each.in_downtime)]
     # What is planned begins no fault, and ends none.
     left = len(lasting if cause.is_fault else unplanned)
-    fresh = [each for each in unplanned if each.is_failing]
+    fresh = [each for each in unplanned if each.level is not Level.OK]
     nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
     if nothing_known or 2 * len(fresh) < needed:
         return left, 0

@@ -89,10 +89,10 @@ def _pass_on(book: Book, explainer: Problem, before: Verdict, now: Instant) -> N
     judge_explained(book, explainer, explained, now)
 
 
-def judge_explained(
-    book: Book, explainer: Problem, explained: Iterable[Problem], now: Instant
-) -> None:
+def judge_explained(book: Book, explainer: Problem, explained: list[Problem], now: Instant) -> None:
     """Have judged and counted again what a problem explains, or no longer does."""
+    if not explained:
+        return
     book.touch(explained)
     for component in dict.fromkeys(each.component for each in explained):
         if component is not None and component is not explainer.component:

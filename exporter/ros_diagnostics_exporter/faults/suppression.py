@@ -391,6 +391,8 @@ def _directly(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
     """The problems to which there is an edge from it, and which it is severe enough for."""
     if explainer.cause is not None:  # of which there may be many: its edges are simple ones
         found = _candidates(book, explainer)
+        if severity_of(explainer.identity) == "critical":
+            return list(found)
         return [each for each in found if _is_as_severe(explainer, each)]
     return [
         problem

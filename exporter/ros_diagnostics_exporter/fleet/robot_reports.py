@@ -364,7 +364,7 @@ class RobotReports:
             planned = planned or component.feed.planned_stale
         confirm_after = profile.confirm_after if own is None else own
         depends_on = self._dependencies.get(component, frozenset())
-        if not self._measured.isdisjoint(depends_on):
+        if depends_on and not self._measured.isdisjoint(depends_on):
             confirm_after += UPLINK_TIME
         return ComponentSettings(
             confirm_after,
