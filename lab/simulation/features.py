@@ -208,7 +208,7 @@ class World:
             assert identity in views, identity
             view = views[identity]
             now = self.player.at(self.second)
-            waits_since = faults._book.problems[identity].waits_since  # noqa: SLF001 - no other has it
+            waits_since = faults._book.problems[identity].waits_since
             waits = waits_since is not None and now.mono <= waits_since + WAITS
             if view.suppressed in BY_A_PERSON or view.due > now.wall or waits:
                 continue
