@@ -35,8 +35,9 @@ class Event:
     rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
     received, silent, known, forgotten, read, rejected, firing or resolved, of a condition
-    suppressed or judged, of an action acknowledged, downtime or cancelled. Of a component that is
-    not OK when first received, ``before`` is "". A field that does not apply is "", or None.
+    suppressed or
+    judged, of an action acknowledged, downtime or cancelled. Of a component that is not OK when
+    first received, ``before`` is "". A field that does not apply is "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in

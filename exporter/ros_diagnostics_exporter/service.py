@@ -22,7 +22,6 @@ from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
-from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
@@ -38,6 +37,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import EOF, SelfMetrics
 from ros_diagnostics_exporter.metrics.week import Week
 from ros_diagnostics_exporter.model import Part, Person
 from ros_diagnostics_exporter.notifications import parse, restored
+from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.dds import describe_ros
@@ -60,7 +60,7 @@ class Service:
     CHECK = 1.0  # seconds between two judgements of the exporter itself
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
-    CAPSULES = 1.0  # ... of the one that compresses what was received
+    RECORDINGS = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
     WEEK = 60.0  # ... of the one that counts what the week had
@@ -81,7 +81,7 @@ class Service:
     ) -> None:
         now = read_clocks()
         self.state = FleetState(fleet, now)
-        self._recording = threading.Lock()
+        self._event_order = threading.Lock()
         self.storage = storage
         self.events = EventLog()
         if storage is not None:
@@ -89,7 +89,9 @@ class Service:
         self._week = Counting(lambda **wanted: self.events.find(Wanted(**wanted)))
         older = None if storage is None else storage.find_events
         self._notifications = restored(self.state.faults(), older, now.wall)
-        self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
+        self._recordings = (
+            None if storage is None else self._make_recordings(storage.path, config_file)
+        )
         self.canary = Canary(now)
         self.reloader = Reloader(
             config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
@@ -99,13 +101,13 @@ class Service:
         self._asked = threading.Event()  # Alertmanager, once
         self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
         self._storage_loop = Loop("storage", self.SAVE, self._save)
-        self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
+        self._recordings_loop = Loop("recordings", self.RECORDINGS, self._keep_recordings)
         self._others = [
             Loop("unmatched", self.UNMATCHED, lambda: self.state.find_unmatched(read_clocks())),
             Loop("week", self.WEEK, self._count_week),
         ]
-        if self._capsules is not None:
-            self._others.append(self._capsules_loop)
+        if self._recordings is not None:
+            self._others.append(self._recordings_loop)
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
@@ -180,24 +182,24 @@ class Service:
         finally:
             self._asked.set()
         self._record_events()
-        with self._recording:
+        with self._event_order:
             self._record(*self._notifications.acknowledge(self._acknowledged()))
 
-    def _keep_capsules(self) -> None:
+    def _keep_recordings(self) -> None:
         now = read_clocks()
-        if self._capsules is None:
+        if self._recordings is None:
             return
         if now.mono >= self._forget_at:
             self._forget_at = now.mono + self.FORGET
-            self._capsules.follow(*self.state.received())
-        self._capsules.turn(now)
+            self._recordings.follow(*self.state.received())
+        self._recordings.turn(now)
 
-    def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
-        folder = database.with_name(f"{database.stem}.capsules")
-        settings = self.state.fleet.capsules
-        capsules = Capsules(folder, config_file, self.state.topics_of, settings=settings)
-        self.state.recorder = capsules.rings.receive
-        return capsules
+    def _make_recordings(self, database: Path, config_file: Path) -> FaultRecordings:
+        folder = database.with_name(f"{database.stem}.recordings")
+        settings = self.state.fleet.recordings
+        recordings = FaultRecordings(folder, config_file, self.state.topics_of, settings=settings)
+        self.state.recorder = recordings.rings.receive
+        return recordings
 
     def _count_week(self) -> None:
         """Count what the event log has of seven days."""
@@ -235,16 +237,16 @@ class Service:
         self.reloader.tick()
 
     def _record_events(self) -> None:
-        with self._recording:  # so that they are recorded in order
+        with self._event_order:  # so that they are recorded in order
             self._record(*self.state.take_events())
 
     def _record(self, *events: Event) -> None:
         for event in map(self._with_fault, events):
             self.events.record(event)
             self._notifications.note(event)
-            if self._capsules is not None and event.kind == "fault_began" and event.robot:
-                self._capsules.note(event.fault, event, read_clocks())
-                self._capsules_loop.wake()
+            if self._recordings is not None and event.kind == "fault_began" and event.robot:
+                self._recordings.note(event.fault, event, read_clocks())
+                self._recordings_loop.wake()
 
     def _with_fault(self, event: Event) -> Event:
         """An event with the id of the fault that it is of."""
@@ -269,8 +271,8 @@ class Service:
 
     def _configure(self, fleet: Fleet) -> None:
         self.state.configure(fleet, read_clocks())
-        if self._capsules is not None:
-            self._capsules.configure(fleet.capsules)
+        if self._recordings is not None:
+            self._recordings.configure(fleet.recordings)
         self._joining.configured()
 
     def stop(self) -> None:
@@ -320,20 +322,20 @@ class Service:
         return {**lasting, "events_since": self._events_since()}
 
     def _care(self) -> snapshot.Care:
-        has = None if self._capsules is None else self._capsules.has
+        has = None if self._recordings is None else self._recordings.has
         return snapshot.Care(self._notifications.lasting(), self._acknowledged(), has)
 
-    def capsule(self, fault: str, so_far: bool = False) -> bytes:
-        """The newest capsule of a fault, ``so_far`` also one under way; LookupError if none."""
-        if self._capsules is None:
-            raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
+    def recording(self, fault: str, so_far: bool = False) -> bytes:
+        """The newest recording of a fault, ``so_far`` also one under way; LookupError if none."""
+        if self._recordings is None:
+            raise LookupError("no recordings are kept: the exporter runs with --storage.path=none")
         self._record_events()
         now = read_clocks()
         if not so_far:
-            return self._capsules.read(fault, now)
+            return self._recordings.read(fault, now)
         lasting = self._lasting().get(fault)
         since = None if lasting is None else lasting.since
-        return self._capsules.read_so_far(fault, since, now)
+        return self._recordings.read_so_far(fault, since, now)
 
     def _lasting(self) -> dict[str, Fault]:
         """The faults that last, by id."""
@@ -405,7 +407,7 @@ class Service:
         fleet = self.state.fleet.name
         canaries = self.canary.receive(message, fleet, now)
         self._record_events()
-        with self._recording:
+        with self._event_order:
             events, ignored = self._notifications.receive(message, fleet, now.wall)
             self._record(*events)
         return len(events) + canaries, ignored - canaries
@@ -440,7 +442,7 @@ class Service:
             raise ConnectionError(f"Alertmanager does not answer: {error}") from error
         log.info("%s by %s: %s", event.after, event.author, event.message)
         self._record_events()
-        with self._recording:
+        with self._event_order:
             self._record(event)
         for loop in self._others:
             if loop.name == "alertmanager":

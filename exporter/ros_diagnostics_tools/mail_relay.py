@@ -1,7 +1,7 @@
-"""Hands Alertmanager's mails on to the mail server, with the capsules of their faults attached.
+"""Hands Alertmanager's mails on to the mail server, with the recordings of their faults attached.
 
 Alertmanager cannot attach a file. A mail names its faults in the header `FAULTS`; whatever goes
-wrong with a capsule, the mail is forwarded as it is. It is accepted once the mail server has it.
+wrong with a recording, the mail is forwarded as it is. It is accepted once the mail server has it.
 """
 
 from __future__ import annotations
@@ -89,35 +89,35 @@ Fetch = Callable[[str], "bytes | None"]
 
 
 def from_exporter(exporter: Client, most: int) -> Fetch:
-    """What reads a fault's capsule, of at most so many bytes; None where there is none."""
+    """What reads a fault's recording, of at most so many bytes; None where there is none."""
 
     def fetch(fault: str) -> bytes | None:
-        path = f"/api/v1/faults/{fault}/capsule.mcap?so_far=true"
+        path = f"/api/v1/faults/{fault}/recording.mcap?so_far=true"
         try:
             return exporter.download(path, limit=most)
         except UnreachableError as error:
-            log.warning("fault %s: its capsule is not attached: %s", fault, one_line(str(error)))
+            log.warning("fault %s: its recording is not attached: %s", fault, one_line(str(error)))
             return None
 
     return fetch
 
 
 def attached(mail: bytes, fetch: Fetch, most: int) -> tuple[bytes, list[str]]:
-    """A mail with the capsules of its faults, of ``most`` bytes in all, and the faults' ids.
+    """A mail with the recordings of its faults, of ``most`` bytes in all, and the faults' ids.
 
     Without any it is the mail as it was, to the byte.
     """
     message = message_from_bytes(mail, policy=_AS_IT_IS)
     if not isinstance(message, EmailMessage):  # what the policy makes is one
         raise TypeError(f"not an email: {type(message)}")
-    found = list(_capsules(dict.fromkeys(_ID.findall(str(message[FAULTS] or ""))), fetch, most))
+    found = list(_recordings(dict.fromkeys(_ID.findall(str(message[FAULTS] or ""))), fetch, most))
     for each in found:
         name = f"{each.fault}.mcap"
         message.add_attachment(each.content, "application", "octet-stream", filename=name)
     return message.as_bytes() if found else mail, [each.fault for each in found]
 
 
-def _capsules(faults: dict[str, None], fetch: Fetch, most: int) -> Iterator[Attachment]:
+def _recordings(faults: dict[str, None], fetch: Fetch, most: int) -> Iterator[Attachment]:
     left = most
     for fault in faults:
         content = fetch(fault) if left > 0 else None
@@ -173,8 +173,8 @@ class Relay:
 
     Args:
         smarthost: The mail server.
-        fetch: What reads a fault's capsule.
-        most: Bytes of the capsules of a mail.
+        fetch: What reads a fault's recording.
+        most: Bytes of the recordings of a mail.
     """
 
     def __init__(self, smarthost: Smarthost, fetch: Fetch, most: int) -> None:

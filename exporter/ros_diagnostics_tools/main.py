@@ -41,7 +41,7 @@ COMMANDS = {
     "oncall": "Who is on call: build, check and show the rota.",
     "backtest": "Judge recordings: what would have been notified?",
     "import": "Make fleet.yml of Autoware's diagnostic graph.",
-    "mail-relay": "Attach capsules to Alertmanager's mails.",
+    "mail-relay": "Attach recordings to Alertmanager's mails.",
     "nagios": "Come from Nagios: import its files, compare its log.",
     "check-config": "Check fleet.yml.",
     "test-page": "Send a test alert through the real routes.",

@@ -8,8 +8,8 @@ The yardstick of the same run is a process that takes the same messages with rcl
 second as the exporter does, and does nothing with them. CPU is user and system time of the whole
 process with the middleware's threads; "DDS" is these threads' part. Messages are counted from the
 first to the last: those sent against `robot_messages_total`. "ms" is the time of a scrape on
-average, "most" that of the slowest. With `--no-capsules` each case is measured a second time, by an
-exporter that keeps no capsules.
+average, "most" that of the slowest. With `--no-recordings` each case is measured a second time, by
+an exporter that keeps no recordings.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from testbed.polling import until
 from testbed.processes import Process
 
 EXPORTER = (Path(sys.executable).with_name("ros-diagnostics-exporter"),)
-WITHOUT_CAPSULES = (sys.executable, "-m", "bench.without_capsules")
+WITHOUT_RECORDINGS = (sys.executable, "-m", "bench.without_recordings")
 LIMITS = "limits: {robots: 10000}\n"
 CHANGING = {"nothing changes": 0, "a quarter changes": 4, "every value changes": 16}
 THREADS = ("dds.", "acc-", "app-", "net-", "rx-", "tx-")  # of Fast DDS; of zenoh
@@ -218,7 +218,7 @@ def main() -> None:
         "--changing", type=re.compile, default=re.compile(""), help="only cases that match this"
     )
     parser.add_argument(
-        "--no-capsules", action="store_true", help="measure each case without capsules, too"
+        "--no-recordings", action="store_true", help="measure each case without recordings, too"
     )
     options = parser.parse_args()
     processes = f"in {options.processes} processes"
@@ -231,9 +231,9 @@ def main() -> None:
         if options.changing.search(what):
             cost, fleet = exporting(options, changing)
             print_row(what, cost, yardstick, fleet.sent - cost.received)
-            if options.no_capsules:
-                cost, fleet = exporting(options, changing, program=WITHOUT_CAPSULES)
-                print_row("  without capsules", cost, yardstick, fleet.sent - cost.received)
+            if options.no_recordings:
+                cost, fleet = exporting(options, changing, program=WITHOUT_RECORDINGS)
+                print_row("  without recordings", cost, yardstick, fleet.sent - cost.received)
 
 
 def print_row(what: str, cost: Cost, yardstick: Cost, lost: int) -> None:

@@ -63,7 +63,7 @@ def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "evidence": "",
         "details": {},
         "fault": None,
-        "capsule": None,
+        "recording": None,
         "notified": None,
         "acknowledged": None,
         **changed,
@@ -154,8 +154,8 @@ def no_story(robot: str) -> dict[str, Any]:
     return {**of, "sentences": [{"about": "", "text": "No fault in the last 7 days."}]}
 
 
-def no_capsule(fault: str, so_far: bool) -> bytes:
-    raise LookupError(f"no capsule of fault {fault!r}")
+def no_recording(fault: str, so_far: bool) -> bytes:
+    raise LookupError(f"no recording of fault {fault!r}")
 
 
 def no_ledger(
@@ -193,7 +193,7 @@ class FakeBackend:
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
     fault_history: Callable[[str], dict[str, Any]] = no_history
-    capsule: Callable[[str, bool], bytes] = no_capsule
+    recording: Callable[[str, bool], bytes] = no_recording
     story: Callable[[str], dict[str, Any]] = no_story
     last_event: Callable[[], int] = lambda: 0
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []

@@ -40,7 +40,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("notifications",),
         ("canary",),
         ("fleet",),
-        ("capsules", "storage"),
+        ("recordings", "storage"),
         ("metrics",),
         ("forgetting", "joining", "self_check"),
         ("api",),

@@ -77,7 +77,7 @@ def account(
     own = find(robot=robot, since=since, until=until, limit=1_000)
     of_many = find(robot="", since=since, until=until, limit=100)
     problems = [each for each in known["problems"] if component in (None, each["component"])]
-    recorded = [each["capsule"] for each in problems if each["capsule"]]
+    recorded = [each["recording"] for each in problems if each["recording"]]
     return {
         "robot": robot,
         "component": component,

@@ -37,23 +37,23 @@ UPLINK = "uplink"  # may have one, where pings are not possible
 
 
 class Care:
-    """Who was notified of faults that last, who takes care of them, and their capsules."""
+    """Who was notified of faults that last, who takes care of them, and their recordings."""
 
     def __init__(
         self,
         notified: Mapping[Key, Mapping[str, float]] | None = None,
         acknowledgements: Iterable[Acknowledgement] = (),
-        has_capsule: Callable[[str, float], bool] | None = None,
+        has_recording: Callable[[str, float], bool] | None = None,
     ) -> None:
         """Take what is known.
 
         Args:
             notified: Receivers, and when last; None: not known.
             acknowledgements: The newest is the last.
-            has_capsule: Whether a fault, by its id, that began then has one; None: none has.
+            has_recording: Whether a fault, by its id, that began then has one; None: none has.
         """
         self._notified = notified
-        self._has_capsule = has_capsule
+        self._has_recording = has_recording
         self._acknowledged: dict[Key, list[Acknowledgement]] = {}
         for each in acknowledgements:
             self._acknowledged.setdefault(each.fault[1:], []).append(each)
@@ -62,10 +62,10 @@ class Care:
         """The fields of the fault with that id that began then."""
         key, notified = key_of(identity), self._notified
         acknowledged = [each for each in self._acknowledged.get(key, ()) if each.is_of(since)]
-        has_capsule = self._has_capsule is not None and self._has_capsule(fault, since)
+        has_recording = self._has_recording is not None and self._has_recording(fault, since)
         return {
             "fault": fault,
-            "capsule": f"/api/v1/faults/{fault}/capsule.mcap" if has_capsule else None,
+            "recording": f"/api/v1/faults/{fault}/recording.mcap" if has_recording else None,
             "notified": None if notified is None else dict(notified.get(key, {})),
             "acknowledged": _acknowledgement(acknowledged[-1]) if acknowledged else None,
         }
@@ -83,7 +83,7 @@ def _acknowledgement(found: Acknowledgement) -> dict[str, Any]:
 NOBODY = Care()
 _NO_CARE: dict[str, Any] = {  # of what is not confirmed
     "fault": None,
-    "capsule": None,
+    "recording": None,
     "notified": {},
     "acknowledged": None,
 }

@@ -8,7 +8,6 @@ from datetime import datetime
 from zoneinfo import ZoneInfo
 
 from ros_diagnostics_exporter.config.fleet import (
-    CapsuleSettings,
     CauseSettings,
     Check,
     Discovery,
@@ -18,6 +17,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Maintenance,
     Profile,
     Query,
+    RecordingSettings,
     Robot,
     Shared,
 )
@@ -40,9 +40,9 @@ def describe(fleet: Fleet) -> str:
     lines += _section("queries", map(_query, fleet.queries))
     if fleet.faults != FaultSettings():
         lines += _section("faults", _faults(fleet.faults))
-    if fleet.capsules != CapsuleSettings():
-        before, after = map(written, (fleet.capsules.before, fleet.capsules.after))
-        lines += _section("capsules", [f"{before} before, {after} after"])
+    if fleet.recordings != RecordingSettings():
+        before, after = map(written, (fleet.recordings.before, fleet.recordings.after))
+        lines += _section("recordings", [f"{before} before, {after} after"])
     if fleet.canary is not None:
         lines += _section("canary", [f"every {written(fleet.canary)}"])
     if fleet.limits != Limits():

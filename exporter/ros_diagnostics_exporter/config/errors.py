@@ -109,7 +109,7 @@ _KINDS = {
     "dataclass_type": ("a mapping", _PAIRS),
 }
 _PROFILE = ("profiles", "default")
-RENAMED = {"behind": "depends_on"}
+RENAMED = {"behind": "depends_on", "capsules": "recordings"}
 _LIMITS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
 

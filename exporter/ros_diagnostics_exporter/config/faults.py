@@ -1,4 +1,4 @@
-"""When a problem is a fault: confirmation, flapping, larger causes, hours; what a capsule has."""
+"""When a problem is a fault: confirmation, flapping, larger causes, hours; what a recording has."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -119,14 +119,14 @@ class Falling(Entry):
     ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
 
 
-class CapsuleSettings(Entry, title="Capsules"):
-    """What a capsule has of the messages around the begin of its fault (docs/time-machine.md)."""
+class RecordingSettings(Entry, title="Recordings"):
+    """What a recording has of the messages around the begin of its fault (docs/time-machine.md)."""
 
     before: RecordedTime = described(
         "Time before the begin, at most 10m. Memory grows with it.", example="2m", default=60.0
     )
     after: RecordedTime = described(
-        "Time after the begin, at most 10m; that long a capsule is not there yet.",
+        "Time after the begin, at most 10m; that long a recording is not there yet.",
         example="30s",
         default=10.0,
     )

@@ -19,7 +19,6 @@ from typing_extensions import override
 from ros_diagnostics_exporter.config.capabilities import FleetCapability
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.faults import (
-    CapsuleSettings,
     CauseSettings,
     Common,
     Falling,
@@ -27,6 +26,7 @@ from ros_diagnostics_exporter.config.faults import (
     Flapping,
     Intermittent,
     Many,
+    RecordingSettings,
     Site,
     WarningHours,
 )
@@ -74,7 +74,6 @@ __all__ = [
     "DEFAULT",
     "MESSAGE_TYPE",
     "Bound",
-    "CapsuleSettings",
     "CauseSettings",
     "Check",
     "Common",
@@ -91,6 +90,7 @@ __all__ = [
     "Profile",
     "ProfileName",
     "Query",
+    "RecordingSettings",
     "Robot",
     "Shared",
     "Site",
@@ -280,10 +280,10 @@ class Fleet(Entry, title="FleetFile"):
         example={"pending_after": "1h"},
         default=FaultSettings(),
     )
-    capsules: CapsuleSettings = described(
+    recordings: RecordingSettings = described(
         "How much of what was received around the begin of a fault is kept.",
         example={"before": "2m"},
-        default=CapsuleSettings(),
+        default=RecordingSettings(),
     )
     exporter: LabelValue = described(
         "This exporter's name where several share the fleet: the label `exporter` of its faults, "

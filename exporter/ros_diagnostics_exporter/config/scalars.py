@@ -29,7 +29,7 @@ MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
 LEAST_CANARY = 60  # seconds between two canaries
-MOST_RECORDED = 600  # seconds of a capsule before or after the begin of its fault
+MOST_RECORDED = 600  # seconds of a recording before or after the begin of its fault
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
@@ -117,7 +117,7 @@ def recorded_time(value: Any) -> float:
     seconds = duration(value)
     if seconds > MOST_RECORDED:
         raise WrongValueError(
-            f"{quoted(value)} is more than a capsule may have", "use 10m or less, such as 2m"
+            f"{quoted(value)} is more than a recording may have", "use 10m or less, such as 2m"
         )
     return seconds
 

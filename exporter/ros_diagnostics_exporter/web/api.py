@@ -114,13 +114,13 @@ class Api:
             raise ApiError(404, f"the event log has no fault {fault!r:.40}")
         return _json(found)
 
-    async def capsule(self, request: Request) -> Response:
+    async def recording(self, request: Request) -> Response:
         """What was received around the begin of a fault."""
         _allow_only(request, "so_far")
         fault = request.path_params["fault"]
         so_far = _choice(request.query_params, "so_far", ("true", "false")) == "true"
         try:
-            content = await self._workers.run(self._backend.capsule, fault, so_far)
+            content = await self._workers.run(self._backend.recording, fault, so_far)
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
         name = {"Content-Disposition": f'attachment; filename="{fault}.mcap"'}

@@ -262,7 +262,7 @@ def build(
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
         Route("/api/v1/faults/{fault}", api.fault),
-        Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
+        Route("/api/v1/faults/{fault}/recording.mcap", api.recording),
         Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),

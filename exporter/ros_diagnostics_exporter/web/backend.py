@@ -30,7 +30,7 @@ class Backend(Protocol):
     def fault_history(self, fault: str, /) -> dict[str, Any]:
         """Each time that a fault lasted as /api/v1/faults/ID returns it."""
 
-    def capsule(self, fault: str, so_far: bool, /) -> bytes:
+    def recording(self, fault: str, so_far: bool, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
 
         Raises:

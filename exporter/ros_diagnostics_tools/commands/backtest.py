@@ -22,9 +22,9 @@ from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import ZENOH, Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
-from ros_diagnostics_tools.backtest.capsule import Capsule, too_short
-from ros_diagnostics_tools.backtest.capsule import read as read_capsule
 from ros_diagnostics_tools.backtest.event_log import is_event_log
+from ros_diagnostics_tools.backtest.fault_recording import FaultRecording, too_short
+from ros_diagnostics_tools.backtest.fault_recording import read as read_fault_recording
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
@@ -105,7 +105,7 @@ Into the history of Prometheus:
 @click.option(
     "--config",
     type=PATH,
-    help="The fleet's configuration.  [default: fleet.yml; of a capsule, what is attached to it]",
+    help="The fleet's configuration.  [default: fleet.yml; of a recording, what is attached to it]",
 )
 @click.option(
     "--compare", type=PATH, help="Another configuration: print in words what it would change."
@@ -171,10 +171,10 @@ def command(**given: Any) -> None:
 
 
 def _run(options: BacktestOptions) -> None:
-    capsule = read_capsule(Path(options.bags[0])) if len(options.bags) == 1 else None
-    fleet = _fleet(options, capsule)
+    recording = read_fault_recording(Path(options.bags[0])) if len(options.bags) == 1 else None
+    fleet = _fleet(options, recording)
     other = None if options.compare is None else load(options.compare)
-    domain_id = _domain(fleet, options, capsule)
+    domain_id = _domain(fleet, options, recording)
     sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
@@ -182,26 +182,28 @@ def _run(options: BacktestOptions) -> None:
         if options.openmetrics is not None:
             out = stack.enter_context(options.openmetrics.open("w", encoding="utf-8"))
         judged = _Judged(options, fleet, other, recordings, out)
-        judged.play(capsule)
+        judged.play(recording)
         _print(options, judged)
 
 
-def _fleet(options: BacktestOptions, capsule: Capsule | None) -> Fleet:
+def _fleet(options: BacktestOptions, recording: FaultRecording | None) -> Fleet:
     """What to judge by."""
-    if options.config is None and capsule is not None:
+    if options.config is None and recording is not None:
         with TemporaryDirectory() as folder:
             path = Path(folder, "fleet.yml")
-            path.write_bytes(capsule.config)
+            path.write_bytes(recording.config)
             return load(path)
     return load(options.config or Path("fleet.yml"))
 
 
-def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> Domain | None:
+def _domain(
+    fleet: Fleet, options: BacktestOptions, recording: FaultRecording | None
+) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
-    if capsule is not None and len(capsule.fault.get("domain_ids", ())) == 1:
-        found = capsule.fault["domain_ids"][0]
+    if recording is not None and len(recording.fault.get("domain_ids", ())) == 1:
+        found = recording.fault["domain_ids"][0]
         return ZENOH if found == ZENOH else int(found)
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
@@ -252,7 +254,7 @@ class _Judged:
             self.second = Replay(other, recordings, prometheus=options.client())
         self.seconds = 0.0
 
-    def play(self, capsule: Capsule | None) -> None:
+    def play(self, recording: FaultRecording | None) -> None:
         """Judge all messages."""
         replays = [self.first, *([] if self.second is None else [self.second])]
         begin = time.perf_counter()
@@ -267,9 +269,9 @@ class _Judged:
             self._samples.close()
         self.warnings = _warnings(self.result, self._recordings)
         self.warnings += dict.fromkeys(each for of in replays for each in of.past.warnings())
-        if capsule is not None:
+        if recording is not None:
             for replay in replays:
-                self.warnings += too_short(capsule, replay.result(), replay.state)
+                self.warnings += too_short(recording, replay.result(), replay.state)
         for each in self.warnings:
             print(f"ros-diagnostics: {each}", file=sys.stderr)  # noqa: T201
 

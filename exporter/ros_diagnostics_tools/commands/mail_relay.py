@@ -1,4 +1,4 @@
-"""``ros-diagnostics mail-relay``: between Alertmanager and the mail server, attaching capsules."""
+"""``ros-diagnostics mail-relay``: attaches recordings to mails of Alertmanager."""
 
 from __future__ import annotations
 
@@ -78,13 +78,13 @@ Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
     type=Size(),
     default="100kB",
     show_default=True,
-    help="Attach the capsules of a mail as long as they have no more bytes together.",
+    help="Attach the recordings of a mail as long as they have no more bytes together.",
 )
 @with_servers
 def command(servers: Servers, **given: Any) -> None:
-    """Hand mails of Alertmanager on to the mail server, each with the capsules of its faults.
+    """Hand mails of Alertmanager on to the mail server, each with the recordings of its faults.
 
-    A capsule has all that the robot published in a minute, and the mail takes it wherever it is
+    A recording has all that the robot published in a minute, and the mail takes it wherever it is
     sent and forwarded to.
     """
     try:

@@ -14,7 +14,7 @@ from testbed import short_clocks
 
 
 @pytest.mark.slow
-def test_a_mail_about_a_fault_carries_its_capsule_and_its_recovery_none(
+def test_a_mail_about_a_fault_carries_its_recording_and_its_recovery_none(
     stack, tmp_path, free_port, start_process, wait_for_mails
 ):
     port = free_port()

@@ -86,11 +86,11 @@ def test_what_was_received_of_a_robot_that_is_gone_is_freed(tmp_path, ros_domain
     fleet = Fleet("f", (Robot("r", ros_domain, topic_raw="/r/diagnostics"),))
     with closing(Storage(tmp_path / "exporter.db")) as storage:
         service = Service(fleet, tmp_path / "fleet.yml", storage)
-        rings, stream = service._capsules.rings, Stream(Topic(ros_domain, "/r/diagnostics"))
+        rings, stream = service._recordings.rings, Stream(Topic(ros_domain, "/r/diagnostics"))
         rings.receive(stream, b"\0\1\0\0", read_clocks())
-        service._keep_capsules()
+        service._keep_recordings()
         assert rings.get(stream) is not None
         service.state.configure(Fleet("f", ()), read_clocks())
         service._forget_at = 0.0
-        service._keep_capsules()
+        service._keep_recordings()
         assert rings.get(stream) is None

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
 from support.ros_publisher import repeating
 from testbed.polling import until
 
@@ -74,14 +74,14 @@ TEXTS = {
 }
 
 
-def recorded(capsules: Capsules, folder: Path) -> set[tuple[str, str, str]]:
-    """(topic, type, text) of what is in a capsule of a fault that began now."""
+def recorded(recordings: FaultRecordings, folder: Path) -> set[tuple[str, str, str]]:
+    """(topic, type, text) of what is in a recording of a fault that began now."""
     now = read_clocks()
     began = Event(now.wall, "fault_began", "r", severity="critical", since=now.wall)
-    capsules.note("0123456789ab", began, now)
-    capsules.turn(now)
+    recordings.note("0123456789ab", began, now)
+    recordings.turn(now)
     path = folder / "r.mcap"
-    path.write_bytes(capsules.read_so_far("0123456789ab", now.wall, now))
+    path.write_bytes(recordings.read_so_far("0123456789ab", now.wall, now))
     with AnyReader([path]) as reader:
         found = [
             (each.topic, each.msgtype, reader.deserialize(data, each.msgtype))
@@ -99,8 +99,8 @@ def test_what_the_config_names_is_received_and_nothing_else(
     robot = Robot("r", domain_id, profile=profile, namespace="/r", source=Source.RAW)
     running = run_exporter(Fleet("f", (replace(robot, topic_raw="/r/diagnostics"),)))
     state = running.service.state
-    capsules = Capsules(running.folder, running.folder / "fleet.yml", state.topics_of)
-    state.recorder = capsules.rings.receive
+    recordings = FaultRecordings(running.folder, running.folder / "fleet.yml", state.topics_of)
+    state.recorder = recordings.rings.receive
     robots.offer("/r/diagnostics")
     start_process("amcl", [sys.executable, "-c", NODE], dds_environment)
     events = Counter[str]()
@@ -132,7 +132,7 @@ def test_what_the_config_names_is_received_and_nothing_else(
         ("present", ""): 1,
     }
     assert events["parameter max_range of amcl is now 10.0"]
-    assert recorded(capsules, running.folder) >= {
+    assert recorded(recordings, running.folder) >= {
         ("/r/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "Hot"),
         ("/rosout", "rcl_interfaces/msg/Log", "Sensor overrun"),
         ("/rosout", "rcl_interfaces/msg/Log", "Nothing of interest"),

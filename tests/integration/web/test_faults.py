@@ -1,4 +1,4 @@
-"""A fault of the real program: its capsule, and its page after a restart."""
+"""A fault of the real program: its recording, and its page after a restart."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def recorded(path) -> list[bytes]:
         return [each.content for each in recordings.messages() if each.topic.name == TOPIC]
 
 
-def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(site):
+def test_a_recording_has_the_bytes_that_another_subscriber_recorded_and_replays(site):
     exporter = site.serve()
     bag, bin_folder = site.folder / "beside", Path(sys.executable).parent
     command = [bin_folder / "virtual-robots", "record", bag, "--topic", TOPIC]
@@ -39,31 +39,31 @@ def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(si
     site.fault("robot_1", "Motor 2", "error")
     until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
     [fault] = site.ask("/api/v1/faults")["faults"]
-    url = f"http://127.0.0.1:{site.port}/api/v1/faults/{fault['fault']}/capsule.mcap"
-    capsule, said = site.folder / "capsule.mcap", list[str]()
+    url = f"http://127.0.0.1:{site.port}/api/v1/faults/{fault['fault']}/recording.mcap"
+    recording, said = site.folder / "recording.mcap", list[str]()
 
     def is_there() -> bool:
         try:
             with urllib.request.urlopen(url, timeout=20) as answer:
-                capsule.write_bytes(answer.read())
+                recording.write_bytes(answer.read())
         except HTTPError as error:
             said.append(error.read().decode())
             return False
         return True
 
-    until(is_there, "the capsule is complete", 60)
+    until(is_there, "the recording is complete", 60)
     path = url.removeprefix(f"http://127.0.0.1:{site.port}")
     assert f"recorded around its begin: {path}" in site.ask("/api/v1/why?robot=robot_1")["now"]
     recorder.stop()
     assert all("is complete in" in each for each in said)
-    ours, theirs = recorded(capsule), recorded(bag)
+    ours, theirs = recorded(recording), recorded(bag)
     assert len(ours) > 10
     begin = theirs.index(ours[0]) if ours[0] in theirs else 0
     shared = ours[ours.index(theirs[begin]) :]
     assert shared == theirs[begin : begin + len(shared)]
     assert len(shared) > 10
     ended = subprocess.run(
-        [bin_folder / "ros-diagnostics", "backtest", capsule, *domain, "--output", "json"],
+        [bin_folder / "ros-diagnostics", "backtest", recording, *domain, "--output", "json"],
         capture_output=True,
         text=True,
         timeout=60,

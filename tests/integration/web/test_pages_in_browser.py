@@ -45,7 +45,7 @@ ROBOTS = [
         "broken",
         *(component(f"Motor {level}", level) for level in LEVELS),
         problems=[
-            broken("Motor ERROR", fault=FAULT, capsule=f"/api/v1/faults/{FAULT}/capsule.mcap"),
+            broken("Motor ERROR", fault=FAULT, recording=f"/api/v1/faults/{FAULT}/recording.mcap"),
             broken("Motor WARN", "warning", confirmed=None),
             broken("Motor STALE", "stale", suppressed="maintenance"),
         ],

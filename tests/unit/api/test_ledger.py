@@ -94,18 +94,18 @@ def test_the_account_of_a_component_has_its_problems_and_the_events_around_its_f
         asked.append(wanted)
         return [each for each in log if wanted.get("kind") in (None, each["kind"])]
 
-    capsule = "/api/v1/faults/1/capsule.mcap"
+    recording = "/api/v1/faults/1/recording.mcap"
     known = robot(
         "r",
         labels={"site": "hall"},
-        problems=[broken(since=2_000.0, capsule=capsule), broken("Motor 2")],
+        problems=[broken(since=2_000.0, recording=recording), broken("Motor 2")],
     )
     found = account(find, known, "Motor 1", 2_500.0, 2_600.0)
 
     assert (found["component"], found["at"], found["time"]) == ("Motor 1", 2_500.0, 2_600.0)
     assert found["now"] == [
         "critical /Motor/Motor 1: confirmed",
-        f"recorded around its begin: {capsule}",
+        f"recorded around its begin: {recording}",
     ]
     of, times = {"component": "Motor 1"}, {"since": 1_999, "until": float("inf")}
     assert asked == [

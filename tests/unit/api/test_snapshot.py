@@ -268,8 +268,8 @@ def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault()
     ]
     (problem,) = shown["problems"]
     assert problem["notified"] == {"email": WALL + 55}
-    assert problem["capsule"] == f"/api/v1/faults/{fault['fault']}/capsule.mcap"
-    assert fault["capsule"] is None
+    assert problem["recording"] == f"/api/v1/faults/{fault['fault']}/recording.mcap"
+    assert fault["recording"] is None
     with pytest.raises(LookupError):
         robot_snapshot(driver.state, "nobody", driver.now, care)
 

@@ -77,7 +77,7 @@ WHOLE = {
     "FaultSettings": lambda entry: {"faults": entry},
     "Flapping": lambda entry: {"faults": {"flapping": entry}},
     "Intermittent": lambda entry: {"faults": {"intermittent": entry}},
-    "CapsuleSettings": lambda entry: {"capsules": entry},
+    "RecordingSettings": lambda entry: {"recordings": entry},
     "Falling": lambda entry: {"faults": {"falling": entry}},
     "Many": lambda entry: {"faults": {"many": entry}},
     "Site": lambda entry: {"faults": {"site": entry}},

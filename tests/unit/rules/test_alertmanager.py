@@ -478,11 +478,11 @@ def test_a_mail_links_the_exporters_page_of_its_fault_as_the_sites_file_shows(re
         template = f"email.{part}"
         output = render(template, data("firing", labels), templates)
         assert "http://localhost:9877/faults/0123456789ab" in output
-        assert "http://localhost:9877/api/v1/faults/0123456789ab/capsule.mcap" in output
+        assert "http://localhost:9877/api/v1/faults/0123456789ab/recording.mcap" in output
         common = {**labels, "robot": "", "scope": "common"}
         output = render(template, data("firing", common), templates)
         assert "/faults/0123456789ab" in output
-        assert "capsule" not in output
+        assert "recording" not in output
         own = {"alertname": "RosDiagnosticsExporterDown", "fleet": "f"}
         for given in (
             render(template, data("firing", own), templates),

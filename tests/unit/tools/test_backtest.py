@@ -14,7 +14,7 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_tools.backtest import report
-from ros_diagnostics_tools.backtest.capsule import Capsule
+from ros_diagnostics_tools.backtest.fault_recording import FaultRecording
 from ros_diagnostics_tools.commands import backtest
 from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, every_second, write_bag
@@ -57,10 +57,10 @@ def test_what_is_not_in_the_table_is_in_the_csv_that_it_names(run, monkeypatch):
 
 
 @pytest.mark.parametrize("domain_id", [7, ZENOH])
-def test_a_capsule_is_of_the_domain_that_it_names(domain_id):
-    capsule = Capsule({"domain_ids": [domain_id]}, b"")
+def test_a_recording_is_of_the_domain_that_it_names(domain_id):
+    recording = FaultRecording({"domain_ids": [domain_id]}, b"")
     options = SimpleNamespace(domain_id=None)
-    assert backtest._domain(Fleet("f", ()), options, capsule) == domain_id
+    assert backtest._domain(Fleet("f", ()), options, recording) == domain_id
 
 
 def test_json_has_everything(run):

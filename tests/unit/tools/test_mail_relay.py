@@ -1,4 +1,4 @@
-"""Mails go on to the mail server whatever happens, with the capsules of their faults attached."""
+"""Mails go on to the mail server whatever happens, with the recordings of their faults attached."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ros_diagnostics_tools.main import main
 from testbed.polling import until
 
 FIRST, SECOND = "0123456789ab", "ba9876543210"
-CAPSULES = {FIRST: b"\x89MCAP0\r\n" + bytes(range(256)) * 40, SECOND: b"\x89MCAP0\r\nsecond"}
+RECORDINGS = {FIRST: b"\x89MCAP0\r\n" + bytes(range(256)) * 40, SECOND: b"\x89MCAP0\r\nsecond"}
 LIMIT = 100_000
 
 
@@ -99,7 +99,7 @@ def server(free_port):
 @pytest.fixture
 def send(free_port, server):
     """A function (mail): hands it to a relay before the server."""
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with listening(relay, free_port()) as connect:
 
         def sent(content: bytes) -> None:
@@ -109,12 +109,12 @@ def send(free_port, server):
         yield sent
 
 
-def test_the_capsule_is_attached_and_the_rest_is_as_it_was(server, send):
+def test_the_recording_is_attached_and_the_rest_is_as_it_was(server, send):
     send(mail())
     [(sender, recipients, content)] = server.mails
     assert (sender, recipients) == ("robots@example.org", ["ann@example.org", "bob@example.org"])
     message, files = read(content)
-    assert files == {f"{FIRST}.mcap": CAPSULES[FIRST]}
+    assert files == {f"{FIRST}.mcap": RECORDINGS[FIRST]}
     original, _none = read(mail())
     for kind in ("plain", "html"):
         assert message.get_body((kind,)).get_content() == original.get_body((kind,)).get_content()
@@ -123,22 +123,22 @@ def test_the_capsule_is_attached_and_the_rest_is_as_it_was(server, send):
 
 
 @pytest.mark.parametrize("faults", ["", "ffffffffffff", "no id", "../../../etc"])
-def test_a_mail_without_a_capsule_is_the_same_to_the_byte(server, send, faults):
+def test_a_mail_without_a_recording_is_the_same_to_the_byte(server, send, faults):
     sent = mail(faults, ".a line that begins with a dot\n.\n")
     send(sent)
     assert [content for _from, _to, content in server.mails] == [sent]
 
 
-def test_capsules_are_attached_as_long_as_they_fit_together():
+def test_recordings_are_attached_as_long_as_they_fit_together():
     both = mail(f"{FIRST} {SECOND} {FIRST}")
-    assert attached(both, CAPSULES.get, LIMIT)[1] == [FIRST, SECOND]
-    assert attached(both, CAPSULES.get, len(CAPSULES[FIRST]))[1] == [FIRST]
-    assert attached(both, CAPSULES.get, len(CAPSULES[FIRST]) - 1)[1] == [SECOND]
-    assert attached(both, CAPSULES.get, 1) == (both, [])
+    assert attached(both, RECORDINGS.get, LIMIT)[1] == [FIRST, SECOND]
+    assert attached(both, RECORDINGS.get, len(RECORDINGS[FIRST]))[1] == [FIRST]
+    assert attached(both, RECORDINGS.get, len(RECORDINGS[FIRST]) - 1)[1] == [SECOND]
+    assert attached(both, RECORDINGS.get, 1) == (both, [])
 
 
 class Exporter:
-    """Answers with a capsule, or not at all."""
+    """Answers with a recording, or not at all."""
 
     def __init__(self, answer) -> None:
         self.answer, self.asked = answer, []
@@ -153,12 +153,12 @@ class Exporter:
 def test_the_exporter_is_asked_for_the_fault_that_lasts_and_its_silence_stops_no_mail(caplog):
     exporter = Exporter(b"mcap")
     assert from_exporter(exporter, 500)(FIRST) == b"mcap"
-    path = f"/api/v1/faults/{FIRST}/capsule.mcap?so_far=true"
+    path = f"/api/v1/faults/{FIRST}/recording.mcap?so_far=true"
     assert exporter.asked == [(path, 500)]
     silent = from_exporter(Exporter(UnreachableError("timed out")), 500)
     sent = mail()
     assert attached(sent, silent, 500) == (sent, [])
-    assert f"fault {FIRST}: its capsule is not attached: timed out" in caplog.text
+    assert f"fault {FIRST}: its recording is not attached: timed out" in caplog.text
 
 
 @pytest.mark.parametrize("step", ["rcpt", "data"])
@@ -174,7 +174,7 @@ def test_what_the_mail_server_rejects_is_rejected_in_its_words(server, send, ste
 
 
 def test_a_mail_server_that_does_not_answer_is_tried_again_by_alertmanager(free_port):
-    relay = Relay(Smarthost("127.0.0.1", free_port()), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", free_port()), RECORDINGS.get, LIMIT)
     with listening(relay, free_port()) as connect, connect() as smtp:
         smtp.ehlo()
         smtp.mail("robots@example.org")
@@ -224,7 +224,7 @@ def test_only_the_mail_server_of_the_certificate_gets_password_and_mail(
     with listening(made, port, **tls):
         trusted = ca_file if trusts else None
         smarthost = Smarthost("localhost", port, True, "fleet", password, trusted)
-        relay = Relay(smarthost, CAPSULES.get, LIMIT)
+        relay = Relay(smarthost, RECORDINGS.get, LIMIT)
         with listening(relay, free_port()) as connect, connect() as smtp:
             smtp.ehlo()
             smtp.mail("robots@example.org")
@@ -240,7 +240,7 @@ def test_a_mail_has_one_connection_to_the_mail_server_for_all_recipients(server,
 
 
 def test_a_mail_that_is_given_up_leaves_no_connection(free_port, server):
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with serving(relay, free_port()) as connect:
         for _ in range(2):
             smtp = connect()
@@ -263,7 +263,7 @@ def serving(relay, port):
 
 
 def test_a_mail_of_more_than_two_megabytes_is_rejected(free_port, server):
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with serving(relay, free_port()) as connect, connect() as smtp:
         for size, code in ((1_900_000, 250), (2_100_000, 552)):
             smtp.ehlo()
@@ -278,7 +278,7 @@ def test_a_mail_of_more_than_two_megabytes_is_rejected(free_port, server):
 
 
 def test_idle_connections_lock_nobody_out(free_port, server):
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with serving(relay, free_port()) as connect, ExitStack() as stack:
         idle = [stack.enter_context(closing(connect())) for _ in range(mail_server.CONNECTIONS + 9)]
         with connect() as smtp:
@@ -292,14 +292,14 @@ def test_idle_connections_lock_nobody_out(free_port, server):
 @pytest.mark.parametrize("limit", ["IDLE", "LIFETIME"])
 def test_a_connection_ends_in_time(free_port, server, monkeypatch, limit):
     monkeypatch.setattr(mail_server, limit, 0.5)
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with serving(relay, free_port()) as connect, closing(connect()) as smtp:
         assert smtp.sock.recv(100) == b""
 
 
 def test_what_clients_write_is_not_logged(free_port, server, caplog):
     caplog.set_level(logging.INFO)
-    relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
+    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
     with serving(relay, free_port()) as connect, connect() as smtp:
         smtp.sendmail("robots@example.org", ["ann@example.org"], mail())
     names = [each.name for each in caplog.records if each.name.startswith("mail.")]

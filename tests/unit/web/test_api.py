@@ -393,20 +393,23 @@ def test_alertmanager_hanging_delays_no_other_request(serve):
     slow.join()
 
 
-def test_a_capsule_is_a_file_or_an_error_that_says_why_there_is_none(serve):
-    def capsule(fault, so_far):
+def test_a_recording_is_a_file_or_an_error_that_says_why_there_is_none(serve):
+    def recording(fault, so_far):
         if fault != "0123456789ab":
-            raise LookupError(f"no capsule of fault {fault!r}")
+            raise LookupError(f"no recording of fault {fault!r}")
         return b"\x89MCAP0\r\n" + b"so far" * so_far
 
-    server = serve(capsule=capsule)
-    found = ask(server, "/api/v1/faults/0123456789ab/capsule.mcap")
+    server = serve(recording=recording)
+    found = ask(server, "/api/v1/faults/0123456789ab/recording.mcap")
     assert (found.status, found.body) == (200, b"\x89MCAP0\r\n")
     assert found.headers["Content-Disposition"] == 'attachment; filename="0123456789ab.mcap"'
-    missing = ask(server, "/api/v1/faults/x/capsule.mcap")
-    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no capsule of fault 'x'"})
-    assert ask(server, "/api/v1/faults/x/capsule.mcap?a=1").status == 400
-    path = "/api/v1/faults/0123456789ab/capsule.mcap?so_far="
+    missing = ask(server, "/api/v1/faults/x/recording.mcap")
+    assert (missing.status, json.loads(missing.body)) == (
+        404,
+        {"error": "no recording of fault 'x'"},
+    )
+    assert ask(server, "/api/v1/faults/x/recording.mcap?a=1").status == 400
+    path = "/api/v1/faults/0123456789ab/recording.mcap?so_far="
     assert ask(server, path + "true").body == b"\x89MCAP0\r\nso far"
     assert ask(server, path + "false").body == b"\x89MCAP0\r\n"
     assert ask(server, path + "1").status == 400

@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.web.server import Server
 from support.web_server import FakeBackend, ask, reloaded, wait_until
 
 PASSWORD = "häslo: with colon"
-CAPSULE = "/api/v1/faults/0123456789ab/capsule.mcap?so_far=true"
+RECORDING = "/api/v1/faults/0123456789ab/recording.mcap?so_far=true"
 
 
 def hashed(password: str) -> str:
@@ -58,7 +58,7 @@ def protected(tmp_path_factory):
     ],
 )
 def test_every_path_needs_a_valid_login(protected, header):
-    for path in ("/metrics", "/", "/-/healthy", "/no/such/path", CAPSULE, "/-/acknowledge"):
+    for path in ("/metrics", "/", "/-/healthy", "/no/such/path", RECORDING, "/-/acknowledge"):
         answer = ask(protected, path, Authorization=header)
         assert answer.status == 401
         assert answer.headers["WWW-Authenticate"].startswith("Basic realm=")

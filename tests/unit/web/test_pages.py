@@ -194,19 +194,19 @@ def test_the_runbook_of_a_fault_is_that_of_its_alert():
 
 
 FAULT = "0123456789ab"
-CAPSULE = f"/api/v1/faults/{FAULT}/capsule.mcap"
+RECORDING = f"/api/v1/faults/{FAULT}/recording.mcap"
 
 
 def test_a_fault_has_a_page_and_links_what_was_received(serve):
-    recorded = broken("Motor 1", fault=FAULT, capsule=CAPSULE, evidence="over current")
+    recorded = broken("Motor 1", fault=FAULT, recording=RECORDING, evidence="over current")
     given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[recorded]))
-    server = serve(fleet_snapshot=lambda: given, capsule=lambda *_: b"mcap", runbooks=RUNBOOKS)
+    server = serve(fleet_snapshot=lambda: given, recording=lambda *_: b"mcap", runbooks=RUNBOOKS)
     for path in ("/", "/robots/a", f"/faults/{FAULT}"):
         answer = ask(server, path)
         assert answer.status == 200
         assert "/Motor/Motor 1" in answer.text
         links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
-        assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", CAPSULE}
+        assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", RECORDING}
         there = {urldefrag(urljoin(path, link)).url for link in links}
         found = {ask(server, link).status for link in there}
         assert found == {200, 303}  # the runbook is on another server

@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from ros_diagnostics_exporter import zstd
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_tools.backtest import capsule, ros1
+from ros_diagnostics_tools.backtest import fault_recording, ros1
 from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError
 from ros_diagnostics_tools.backtest.mcap import McapFile
 from ros_diagnostics_tools.backtest.recordings import Period, Recordings, RecordingSource
@@ -142,7 +142,7 @@ def test_an_mcap_of_any_compression_is_read_and_bytes_that_are_changed_stop_noth
         path.write_bytes(content)
         with closing(McapFile(path)) as file:
             assert len(list(file.messages())) <= 31
-        assert capsule.read(path) is None
+        assert fault_recording.read(path) is None
 
 
 def test_of_the_chunk_that_is_cut_off_the_first_messages_are_read(tmp_path):
@@ -155,12 +155,12 @@ def test_of_the_chunk_that_is_cut_off_the_first_messages_are_read(tmp_path):
     assert numbers == set(range(min(numbers), max(numbers) + 1))
 
 
-def test_a_capsule_that_an_earlier_exporter_wrote_is_read():
-    path = CHECKOUT / "tests/data/capsule-0.2.mcap"
+def test_a_recording_that_an_earlier_exporter_wrote_is_read():
+    path = CHECKOUT / "tests/data/recording-0.2.mcap"
     with closing(opened(path)) as recordings:
         assert [each.at - 1.79e9 for each in recordings.messages()] == list(range(95, 110))
         assert recordings.warnings == []
-    found = capsule.read(path)
+    found = fault_recording.read(path)
     assert (found.fault["fault"], b"name: r" in found.config) == ("0123456789ab", True)
 
 

@@ -1,4 +1,4 @@
-"""The exporter as it is, but that it keeps no capsules; the database is written as always."""
+"""The exporter as it is, but that it keeps no recordings; the database is written as always."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.service import Service
 
 if __name__ == "__main__":
-    with patch.object(Service, "_make_capsules", return_value=None):
+    with patch.object(Service, "_make_recordings", return_value=None):
         main()

@@ -8,9 +8,9 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
+from ros_diagnostics_exporter.recordings.mcap import Chunk, OpenChunk
 
 CHUNK = 16 << 10  # bytes of a chunk before it is compressed
 WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped

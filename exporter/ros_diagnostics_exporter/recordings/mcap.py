@@ -10,7 +10,7 @@ from typing import NamedTuple
 from mcap.writer import Writer
 
 from ros_diagnostics_exporter import __version__, zstd
-from ros_diagnostics_exporter.capsules.schemas import SCHEMAS
+from ros_diagnostics_exporter.recordings.schemas import SCHEMAS
 from ros_diagnostics_exporter.texts import encodable
 
 LEVEL = 3  # of the compression

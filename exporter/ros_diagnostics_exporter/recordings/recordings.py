@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from ros_diagnostics_exporter.capsules.mcap import Attachment, Channel, Chunk, write
-from ros_diagnostics_exporter.capsules.rings import Rings
-from ros_diagnostics_exporter.config.fleet import CapsuleSettings
+from ros_diagnostics_exporter.config.fleet import RecordingSettings
 from ros_diagnostics_exporter.config.load import FOLDERS, files_of
 from ros_diagnostics_exporter.config.yaml_file import read
 from ros_diagnostics_exporter.events import Event, filled
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
+from ros_diagnostics_exporter.recordings.mcap import Attachment, Channel, Chunk, write
+from ros_diagnostics_exporter.recordings.rings import Rings
 
 
 def config_lines(config_file: Path, robot: str) -> str:
@@ -63,7 +63,7 @@ def _name(entry: Any) -> Any:
 
 
 ID = re.compile(r"[0-9a-f]{12}")
-# Of a storm: in so many seconds so many faults have a capsule, beyond that only critical ones.
+# Of a storm: in so many seconds so many faults have a recording, beyond that only critical ones.
 STORM, FIRST, MOST = 600.0, 50, 100
 _NOT_IN_FOXGLOVE = re.compile(r"[^A-Za-z0-9_.-]")
 
@@ -78,16 +78,16 @@ class Kept(NamedTuple):
 
 @dataclass(frozen=True)
 class Waiting:
-    """A fault whose capsule is not complete yet."""
+    """A fault whose recording is not complete yet."""
 
     fault: str
     event: Event
-    settings: CapsuleSettings
+    settings: RecordingSettings
     topics: tuple[Topic, ...]
     due: float  # monotonic
 
 
-class Capsules:
+class FaultRecordings:
     """Those of one exporter, in a folder that need not be there.
 
     Args:
@@ -104,7 +104,7 @@ class Capsules:
         config_file: Path,
         topics: Callable[[str], tuple[Topic, ...]],
         limits: Kept | None = None,
-        settings: CapsuleSettings | None = None,
+        settings: RecordingSettings | None = None,
     ) -> None:
         self.rings = Rings()
         self.skipped = 0  # faults in storms
@@ -113,18 +113,18 @@ class Capsules:
         self._limits = limits or Kept()
         self._waiting: deque[Waiting] = deque()
         self._begun: deque[float] = deque()  # of late, monotonic
-        self._settings = CapsuleSettings()
+        self._settings = RecordingSettings()
         self.configure(settings or self._settings)
         self._newest: dict[str, float] | None = None  # when its fault began, by id; None: not known
         self._so_far: dict[str, bytes] = {}  # of those that are not complete, by id
 
-    def configure(self, settings: CapsuleSettings) -> None:
-        """Follow the config; a capsule that is under way ends as it began."""
+    def configure(self, settings: RecordingSettings) -> None:
+        """Follow the config; a recording that is under way ends as it began."""
         self._settings = settings
         self.rings.keep = settings.before + settings.after
 
     def note(self, fault: str, event: Event, now: Instant) -> None:
-        """Note that a fault of a robot began; beyond the limits of a storm it has no capsule."""
+        """Note that a fault of a robot began; beyond the limits of a storm it has no recording."""
         while self._begun and self._begun[0] < now.mono - STORM:
             self._begun.popleft()
         if len(self._begun) >= (MOST if event.severity == "critical" else FIRST):
@@ -138,14 +138,14 @@ class Capsules:
     def follow(self, topics: set[Topic], robots: set[str]) -> None:
         """Forget what was received that is neither of these topics nor of these robots.
 
-        A capsule that is under way has what it began with.
+        A recording that is under way has what it began with.
         """
         waiting = list(self._waiting)
         topics = topics | {topic for each in waiting for topic in each.topics}
         self.rings.follow(topics, robots | {each.event.robot for each in waiting})
 
     def turn(self, now: Instant) -> None:
-        """Compress what was received, and write the capsules that are complete.
+        """Compress what was received, and write the recordings that are complete.
 
         Raises:
             OSError: at least one could not be written; all others are.
@@ -166,7 +166,7 @@ class Capsules:
             raise errors[0]
 
     def read(self, fault: str, now: Instant) -> bytes:
-        """The newest capsule of a fault.
+        """The newest recording of a fault.
 
         Raises:
             LookupError: there is none; the text says why.
@@ -177,14 +177,14 @@ class Capsules:
         for each in list(self._waiting):  # others append to it
             if each.fault == fault:
                 left = max(1, round(each.due - now.mono))
-                raise LookupError(f"the capsule of fault {fault} is complete in {left} s")
+                raise LookupError(f"the recording of fault {fault} is complete in {left} s")
         raise LookupError(
-            f"no capsule of fault {fault!r}: there is no such fault of a robot, or it began in a "
+            f"no recording of fault {fault!r}: there is no such fault of a robot, or it began in a "
             "storm of faults, before the exporter was started or too long ago"
         )
 
     def read_so_far(self, fault: str, since: float | None, now: Instant) -> bytes:
-        """The capsule of a fault whose trouble began then (None: it is over), complete or not.
+        """The recording of a fault whose trouble began then (None: it is over), complete or not.
 
         One that is not has what was received up to the begin.
 
@@ -195,11 +195,11 @@ class Capsules:
         if content is not None:
             return content
         if since is None or not self.has(fault, since):
-            raise LookupError(f"no capsule of fault {fault!r} as it lasts now")
+            raise LookupError(f"no recording of fault {fault!r} as it lasts now")
         return self.read(fault, now)
 
     def has(self, fault: str, since: float) -> bool:
-        """Whether a fault whose trouble began then (Unix time) has a capsule; no disk is asked."""
+        """Whether a fault whose trouble began then (Unix time) has one; the disk is not asked."""
         return (self._newest or {}).get(fault, -math.inf) >= int(since)
 
     # -- files ---------------------------------------------------------------------------------
@@ -221,7 +221,7 @@ class Capsules:
             path.unlink(missing_ok=True)
 
     def _find(self) -> dict[str, float]:
-        """When the fault of the newest capsule began, by id."""
+        """When the fault of the newest recording began, by id."""
         found: dict[str, float] = {}
         for path in self._folder.glob("*.mcap"):
             fault, _, began = path.stem.partition("-")

@@ -1,4 +1,4 @@
-"""A capsule of the exporter: a recording that says which fault it is of, and what judged it."""
+"""A recording that the exporter made of a fault: it says which fault, and what judged it."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from ros_diagnostics_tools.backtest.mcap import DamageError, McapFile
 from ros_diagnostics_tools.backtest.replay import Result
 
 
-class Capsule(NamedTuple):
+class FaultRecording(NamedTuple):
     """``fault`` is as in /api/v1/events, ``config`` the lines of fleet.yml for its robot."""
 
     fault: dict[str, Any]
     config: bytes
 
 
-def read(path: Path) -> Capsule | None:
-    """The capsule at a path; None where it is another recording, or none that can be read."""
+def read(path: Path) -> FaultRecording | None:
+    """The recording of a fault at a path; None where it is of something else, or unreadable."""
     if path.suffix != ".mcap" or not path.is_file():
         return None
     try:
         with closing(McapFile(path)) as file:
             attached = file.attachments()
-        return Capsule(json.loads(attached["fault.json"]), attached["fleet.yml"])
+        return FaultRecording(json.loads(attached["fault.json"]), attached["fleet.yml"])
     except (KeyError, ValueError, DamageError, RecordingError):
         return None  # whoever reads its messages names what is wrong
 
 
-def too_short(capsule: Capsule, result: Result, state: FleetState) -> list[str]:
-    """Why a capsule does not show whether its fault would have begun; nothing if it does."""
-    fault = capsule.fault
+def too_short(recording: FaultRecording, result: Result, state: FleetState) -> list[str]:
+    """Why a recording does not show whether its fault would have begun; nothing if it does."""
+    fault = recording.fault
     needed = confirm_after(state, fault["robot"], fault.get("component", ""))
     seen = max(0.0, result.end - max(result.begin, fault["since"]))
     if seen >= needed:
         return []
     return [
         (
-            f"too short to know: the capsule shows {words.duration(seen)} of the trouble, and "
+            f"too short to know: the recording shows {words.duration(seen)} of the trouble, and "
             f"it would be confirmed after {words.duration(needed)}"
         )
     ]

@@ -1,4 +1,4 @@
-"""The types of what capsules have, as `ros2 bag record` writes them: a type, then what it uses."""
+"""The types of messages in recordings, as `ros2 bag record` writes them, each with what it uses."""
 
 from __future__ import annotations
 

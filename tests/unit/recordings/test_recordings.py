@@ -1,4 +1,4 @@
-"""A capsule has what was received around the begin of its fault, byte for byte, within limits."""
+"""A recording has what was received around the begin of its fault, byte for byte, within limits."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from ros_diagnostics_exporter.capsules import rings as rings_module
-from ros_diagnostics_exporter.capsules.capsules import Capsules, Kept, config_lines
-from ros_diagnostics_exporter.capsules.rings import PER, RING, Rings
-from ros_diagnostics_exporter.config.fleet import CapsuleSettings
+from ros_diagnostics_exporter.config.fleet import RecordingSettings
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
+from ros_diagnostics_exporter.recordings import rings as rings_module
+from ros_diagnostics_exporter.recordings.recordings import FaultRecordings, Kept, config_lines
+from ros_diagnostics_exporter.recordings.rings import PER, RING, Rings
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.main import main
 from virtual_robots.model import Status
@@ -52,8 +52,8 @@ def config(tmp_path):
 
 
 @pytest.fixture
-def capsules(tmp_path, config):
-    return Capsules(tmp_path / "kept", config, lambda _robot: TOPICS)
+def recordings(tmp_path, config):
+    return FaultRecordings(tmp_path / "kept", config, lambda _robot: TOPICS)
 
 
 def receive(rings, topic, seconds, size=200):
@@ -67,11 +67,11 @@ def receive(rings, topic, seconds, size=200):
     return sent
 
 
-def capsule(capsules, second=110):
-    """The capsule of a fault that began at 100, written when all of it was received."""
-    capsules.note(FAULT, BEGAN, at(100))
-    capsules.turn(at(second))
-    return capsules.read(FAULT, at(second))
+def recording(recordings, second=110):
+    """The recording of a fault that began at 100, written when all of it was received."""
+    recordings.note(FAULT, BEGAN, at(100))
+    recordings.turn(at(second))
+    return recordings.read(FAULT, at(second))
 
 
 def opened(content):
@@ -80,13 +80,13 @@ def opened(content):
 
 
 @pytest.mark.parametrize("size", [200, 4_000])
-def test_its_messages_are_those_received_byte_for_byte(tmp_path, capsules, size):
+def test_its_messages_are_those_received_byte_for_byte(tmp_path, recordings, size):
     sent = [
-        *receive(capsules.rings, TOPICS[0], range(111), size),
-        *receive(capsules.rings, TOPICS[1], range(111), size),
+        *receive(recordings.rings, TOPICS[0], range(111), size),
+        *receive(recordings.rings, TOPICS[1], range(111), size),
     ]
     path = tmp_path / "a.mcap"
-    path.write_bytes(capsule(capsules))
+    path.write_bytes(recording(recordings))
 
     with AnyReader([path]) as reader:
         found = [(time, each.topic, bytes(data)) for each, time, data in reader.messages()]
@@ -97,14 +97,14 @@ def test_its_messages_are_those_received_byte_for_byte(tmp_path, capsules, size)
         theirs = [each for each in sent if each[1] == topic.name]
         assert ours == theirs[-len(ours) :]
         assert ours[0][0] <= (WALL + 40) * 1e9
-    with closing(Recordings([RecordingSource(path)])) as recordings:
-        assert len(list(recordings.messages())) == recordings.count == len(found)
-        assert recordings.warnings == []
+    with closing(Recordings([RecordingSource(path)])) as read:
+        assert len(list(read.messages())) == read.count == len(found)
+        assert read.warnings == []
 
 
-def test_it_is_what_foxglove_asks_for_and_names_its_robot_the_fault_and_what_judged_it(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    reader = opened(capsule(capsules))
+def test_it_is_what_foxglove_asks_for_and_names_its_robot_the_fault_and_what_judged_it(recordings):
+    receive(recordings.rings, TOPICS[0], range(111))
+    reader = opened(recording(recordings))
     assert reader.get_header().profile == "ros2"
     summary = reader.get_summary()
     (schema,) = summary.schemas.values()
@@ -130,72 +130,74 @@ def test_it_is_what_foxglove_asks_for_and_names_its_robot_the_fault_and_what_jud
     assert counts.chunk_count == len(summary.chunk_indexes)
 
 
-def test_a_silent_robots_has_its_last_messages(capsules):
-    receive(capsules.rings, TOPICS[0], range(10))
-    content = capsule(capsules, second=5_000)
+def test_a_silent_robots_has_its_last_messages(recordings):
+    receive(recordings.rings, TOPICS[0], range(10))
+    content = recording(recordings, second=5_000)
 
     assert opened(content).get_summary().statistics.message_count == 10
 
 
-def test_a_robot_that_was_never_received_has_none(capsules):
-    with pytest.raises(LookupError, match="no capsule of fault"):
-        capsule(capsules)
+def test_a_robot_that_was_never_received_has_none(recordings):
+    with pytest.raises(LookupError, match="no recording of fault"):
+        recording(recordings)
     for name in ("../../etc", "*", FAULT.upper()):
         with pytest.raises(LookupError):
-            capsules.read(name, at(0))
+            recordings.read(name, at(0))
 
 
-def test_one_that_is_not_complete_says_when_it_is(capsules):
-    receive(capsules.rings, TOPICS[0], range(100))
-    capsules.note(FAULT, BEGAN, at(100))
-    capsules.turn(at(103))
+def test_one_that_is_not_complete_says_when_it_is(recordings):
+    receive(recordings.rings, TOPICS[0], range(100))
+    recordings.note(FAULT, BEGAN, at(100))
+    recordings.turn(at(103))
 
     with pytest.raises(LookupError, match="is complete in 7 s"):
-        capsules.read(FAULT, at(103))
+        recordings.read(FAULT, at(103))
 
 
 def last(content):
-    """The second at which the last message of a capsule was received."""
+    """The second at which the last message of a recording was received."""
     return opened(content).get_summary().statistics.message_end_time / 1e9 - WALL
 
 
-def test_what_was_received_up_to_the_begin_is_there_at_once(capsules):
-    receive(capsules.rings, TOPICS[0], range(100))
+def test_what_was_received_up_to_the_begin_is_there_at_once(recordings):
+    receive(recordings.rings, TOPICS[0], range(100))
     with pytest.raises(LookupError, match="as it lasts now"):
-        capsules.read_so_far(FAULT, BEGAN.since, at(100))
-    capsules.note(FAULT, BEGAN, at(100))
-    capsules.turn(at(101))
-    so_far = capsules.read_so_far(FAULT, BEGAN.since, at(101))
+        recordings.read_so_far(FAULT, BEGAN.since, at(100))
+    recordings.note(FAULT, BEGAN, at(100))
+    recordings.turn(at(101))
+    so_far = recordings.read_so_far(FAULT, BEGAN.since, at(101))
 
-    receive(capsules.rings, TOPICS[0], range(101, 111))
-    capsules.turn(at(105))
-    assert capsules.read_so_far(FAULT, BEGAN.since, at(105)) == so_far
-    capsules.turn(at(110))
-    complete = capsules.read_so_far(FAULT, BEGAN.since, at(110))
-    assert complete == capsules.read(FAULT, at(110))
+    receive(recordings.rings, TOPICS[0], range(101, 111))
+    recordings.turn(at(105))
+    assert recordings.read_so_far(FAULT, BEGAN.since, at(105)) == so_far
+    recordings.turn(at(110))
+    complete = recordings.read_so_far(FAULT, BEGAN.since, at(110))
+    assert complete == recordings.read(FAULT, at(110))
     assert [last(each) for each in (so_far, complete)] == [99, 110]
 
 
-def test_the_capsule_of_an_earlier_begin_is_not_that_of_the_fault_that_lasts(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsule(capsules)
+def test_the_recording_of_an_earlier_begin_is_not_that_of_the_fault_that_lasts(recordings):
+    receive(recordings.rings, TOPICS[0], range(111))
+    recording(recordings)
     for since in (BEGAN.since + 1_000, None):
         with pytest.raises(LookupError, match="as it lasts now"):
-            capsules.read_so_far(FAULT, since, at(1_200))
+            recordings.read_so_far(FAULT, since, at(1_200))
 
 
 def test_before_and_after_are_those_of_the_config(tmp_path, config):
-    settings = CapsuleSettings(before=200.0, after=30.0)
-    capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, settings=settings)
-    receive(capsules.rings, TOPICS[0], range(1, 401), 4_000)
-    capsules.note(FAULT, replace(BEGAN, time=WALL + 370, since=WALL + 365), at(370))
-    capsules.turn(at(399))
+    settings = RecordingSettings(before=200.0, after=30.0)
+    recordings = FaultRecordings(
+        tmp_path / "kept", config, lambda _robot: TOPICS, settings=settings
+    )
+    receive(recordings.rings, TOPICS[0], range(1, 401), 4_000)
+    recordings.note(FAULT, replace(BEGAN, time=WALL + 370, since=WALL + 365), at(370))
+    recordings.turn(at(399))
     with pytest.raises(LookupError, match="is complete in 1 s"):
-        capsules.read(FAULT, at(399))
-    capsules.configure(CapsuleSettings())  # of those that begin from now on
-    capsules.turn(at(400))
+        recordings.read(FAULT, at(399))
+    recordings.configure(RecordingSettings())  # of those that begin from now on
+    recordings.turn(at(400))
 
-    content = capsules.read(FAULT, at(400))
+    content = recordings.read(FAULT, at(400))
     assert 160 < opened(content).get_summary().statistics.message_start_time / 1e9 - WALL <= 170
     assert last(content) == 400
     fault, _fleet = opened(content).iter_attachments()
@@ -203,36 +205,38 @@ def test_before_and_after_are_those_of_the_config(tmp_path, config):
     assert (described["before"], described["after"]) == (200.0, 30.0)
 
 
-def test_a_fault_has_the_capsule_of_its_own_begin_also_after_a_restart(capsules, tmp_path, config):
-    receive(capsules.rings, TOPICS[0], range(111))
-    assert not capsules.has(FAULT, BEGAN.since)
-    capsule(capsules)
+def test_a_fault_has_the_recording_of_its_own_begin_also_after_a_restart(
+    recordings, tmp_path, config
+):
+    receive(recordings.rings, TOPICS[0], range(111))
+    assert not recordings.has(FAULT, BEGAN.since)
+    recording(recordings)
 
-    restarted = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS)
+    restarted = FaultRecordings(tmp_path / "kept", config, lambda _robot: TOPICS)
     restarted.turn(at(120))
-    for each in (capsules, restarted):
+    for each in (recordings, restarted):
         assert each.has(FAULT, BEGAN.since)
         assert not each.has(FAULT, BEGAN.time + 5)  # it has begun again: that is not complete yet
         assert not each.has("ba9876543210", BEGAN.since)
 
 
-def test_of_a_fault_that_began_again_the_capsule_of_its_last_begin_is_served(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsule(capsules)
-    receive(capsules.rings, TOPICS[0], range(111, 311))
-    capsules.note(FAULT, replace(BEGAN, time=WALL + 300, since=WALL + 290), at(300))
-    capsules.turn(at(310))
+def test_of_a_fault_that_began_again_the_recording_of_its_last_begin_is_served(recordings):
+    receive(recordings.rings, TOPICS[0], range(111))
+    recording(recordings)
+    receive(recordings.rings, TOPICS[0], range(111, 311))
+    recordings.note(FAULT, replace(BEGAN, time=WALL + 300, since=WALL + 290), at(300))
+    recordings.turn(at(310))
 
-    assert last(capsules.read(FAULT, at(310))) == 310
-    assert capsules.has(FAULT, WALL + 290)
+    assert last(recordings.read(FAULT, at(310))) == 310
+    assert recordings.has(FAULT, WALL + 290)
 
 
-def test_one_that_cannot_be_written_is_not_tried_again(capsules, tmp_path):
-    receive(capsules.rings, TOPICS[0], range(111))
+def test_one_that_cannot_be_written_is_not_tried_again(recordings, tmp_path):
+    receive(recordings.rings, TOPICS[0], range(111))
     (tmp_path / "kept").write_text("is no folder")
     with pytest.raises(FileExistsError):
-        capsule(capsules)
-    capsules.turn(at(111))
+        recording(recordings)
+    recordings.turn(at(111))
 
 
 @contextmanager
@@ -246,78 +250,78 @@ def full_disk(room):
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
 
 
-def test_one_that_cannot_be_written_whole_leaves_nothing_and_hinders_no_other(capsules, tmp_path):
+def test_one_that_cannot_be_written_whole_leaves_nothing_and_hinders_no_other(recordings, tmp_path):
     """The first is of a robot with much, the second of one with little."""
     large, small = TOPICS
-    capsules._topics = lambda robot: (large,) if robot == "r" else (small,)
+    recordings._topics = lambda robot: (large,) if robot == "r" else (small,)
     noise = random.Random(1)
     for second in range(60, 110):
-        capsules.rings.receive(Stream(large), b"\0\1\0\0" + noise.randbytes(600), at(second))
-    receive(capsules.rings, small, range(100, 102))
+        recordings.rings.receive(Stream(large), b"\0\1\0\0" + noise.randbytes(600), at(second))
+    receive(recordings.rings, small, range(100, 102))
     for fault, robot in ((FAULT, "r"), ("ba9876543210", "s")):
-        capsules.note(fault, replace(BEGAN, robot=robot), at(100))
+        recordings.note(fault, replace(BEGAN, robot=robot), at(100))
     with full_disk(7_000), pytest.raises(OSError, match="File too large"):
-        capsules.turn(at(110))
+        recordings.turn(at(110))
 
     assert [each.name[:12] for each in (tmp_path / "kept").iterdir()] == ["ba9876543210"]
-    capsules.turn(at(111))
+    recordings.turn(at(111))
 
 
-def test_what_a_killed_exporter_left_unfinished_is_removed(capsules, tmp_path):
+def test_what_a_killed_exporter_left_unfinished_is_removed(recordings, tmp_path):
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / f"{FAULT}-1.part").write_bytes(b"half")
-    capsules.turn(at(1))
+    recordings.turn(at(1))
     assert list((tmp_path / "kept").iterdir()) == []
 
 
-def test_only_the_exporters_user_may_read_them(capsules, tmp_path):
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsule(capsules)
+def test_only_the_exporters_user_may_read_them(recordings, tmp_path):
+    receive(recordings.rings, TOPICS[0], range(111))
+    recording(recordings)
     assert (tmp_path / "kept").stat().st_mode & 0o777 == 0o700
 
 
-def test_the_robots_name_has_only_what_foxglove_takes(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsules.note(FAULT, replace(BEGAN, robot="hall/ärm 1"), at(100))
-    capsules.turn(at(110))
-    (found,) = opened(capsules.read(FAULT, at(110))).iter_metadata()
+def test_the_robots_name_has_only_what_foxglove_takes(recordings):
+    receive(recordings.rings, TOPICS[0], range(111))
+    recordings.note(FAULT, replace(BEGAN, robot="hall/ärm 1"), at(100))
+    recordings.turn(at(110))
+    (found,) = opened(recordings.read(FAULT, at(110))).iter_metadata()
     assert found.metadata == {"deviceName": "hall__rm_1"}
 
 
-def test_a_text_that_is_no_unicode_does_not_lose_it(capsules):
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsules.note(FAULT, replace(BEGAN, message="motor: \udcff"), at(100))
-    capsules.turn(at(110))
-    fault, _fleet = opened(capsules.read(FAULT, at(110))).iter_attachments()
+def test_a_text_that_is_no_unicode_does_not_lose_it(recordings):
+    receive(recordings.rings, TOPICS[0], range(111))
+    recordings.note(FAULT, replace(BEGAN, message="motor: \udcff"), at(100))
+    recordings.turn(at(110))
+    fault, _fleet = opened(recordings.read(FAULT, at(110))).iter_attachments()
     assert json.loads(fault.data)["evidence"] == ["motor: ?"]
 
 
-def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
-    receive(capsules.rings, TOPICS[0], range(100))
+def test_a_storm_keeps_the_first_and_worst(recordings, tmp_path):
+    receive(recordings.rings, TOPICS[0], range(100))
     for number in range(1_000):
         severity = "critical" if number >= 500 else "warning"
         event = Event(WALL + 100, "fault_began", "r", severity=severity)
-        capsules.note(f"{number:012x}", event, at(100))
-    capsules.turn(at(110))
+        recordings.note(f"{number:012x}", event, at(100))
+    recordings.turn(at(110))
 
     kept = sorted(int(path.name[:12], 16) for path in (tmp_path / "kept").iterdir())
     assert kept == [*range(50), *range(500, 550)]
-    assert capsules.skipped == 900
-    capsules.note(FAULT, BEGAN, at(100 + 599))
-    assert capsules.skipped == 901
-    capsules.note(FAULT, BEGAN, at(100 + 601))
-    assert capsules.skipped == 901
+    assert recordings.skipped == 900
+    recordings.note(FAULT, BEGAN, at(100 + 599))
+    assert recordings.skipped == 901
+    recordings.note(FAULT, BEGAN, at(100 + 601))
+    assert recordings.skipped == 901
 
 
 @pytest.mark.parametrize(
     ("limits", "left"), [(Kept(number=3), 3), (Kept(size=20_000), None), (Kept(age=-1e10), 0)]
 )
 def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
-    capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, limits)
-    receive(capsules.rings, TOPICS[0], range(100))
+    recordings = FaultRecordings(tmp_path / "kept", config, lambda _robot: TOPICS, limits)
+    receive(recordings.rings, TOPICS[0], range(100))
     for number in range(10):
-        capsules.note(f"{number:012x}", BEGAN, at(100))
-    capsules.turn(at(110))
+        recordings.note(f"{number:012x}", BEGAN, at(100))
+    recordings.turn(at(110))
 
     found = list((tmp_path / "kept").iterdir())
     if left is None:
@@ -328,18 +332,18 @@ def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
 
 def test_the_oldest_file_is_removed_first(tmp_path, config):
     kept = tmp_path / "kept"
-    capsules = Capsules(kept, config, lambda _robot: TOPICS, Kept(number=1))
-    receive(capsules.rings, TOPICS[0], range(111))
-    capsule(capsules)
+    recordings = FaultRecordings(kept, config, lambda _robot: TOPICS, Kept(number=1))
+    receive(recordings.rings, TOPICS[0], range(111))
+    recording(recordings)
     (first,) = kept.iterdir()
     os.utime(first, (WALL, WALL))
-    capsules.note("ba9876543210", BEGAN, at(110))
-    capsules.turn(at(120))
+    recordings.note("ba9876543210", BEGAN, at(110))
+    recordings.turn(at(120))
 
     assert [path.name[:12] for path in kept.iterdir()] == ["ba9876543210"]
 
 
-def test_a_topic_has_no_more_memory_than_its_ring(capsules):
+def test_a_topic_has_no_more_memory_than_its_ring(recordings):
     rings = Rings()
     for second in range(1_000):
         random = "".join(f"{(second * 7919 + n) ** 5 % 1_000_003:x}" for n in range(800))
@@ -349,12 +353,12 @@ def test_a_topic_has_no_more_memory_than_its_ring(capsules):
         assert rings.size <= RING + 2 * rings_module.CHUNK
 
 
-def test_what_compresses_well_has_a_limit_as_it_is_decompressed(capsules):
-    """A capsule of a megabyte of zeros ten times a second would take a long time to be written."""
+def test_what_compresses_well_has_a_limit_as_it_is_decompressed(recordings):
+    """A megabyte of zeros ten times a second would take a long time to be written."""
     for second in range(40):
-        capsules.rings.receive(Stream(TOPICS[0]), b"\0\1\0\0" + bytes(1 << 20), at(second))
-        capsules.rings.compress()
-    chunks = capsules.rings.get(Stream(TOPICS[0])).chunks(0, 1 << 63)
+        recordings.rings.receive(Stream(TOPICS[0]), b"\0\1\0\0" + bytes(1 << 20), at(second))
+        recordings.rings.compress()
+    chunks = recordings.rings.get(Stream(TOPICS[0])).chunks(0, 1 << 63)
     assert sum(chunk.size for chunk in chunks) <= rings_module.PLAIN + (1 << 21)
 
 
@@ -409,15 +413,15 @@ FLEET = "fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
 
 
 @pytest.fixture
-def recorded(tmp_path, config, capsules, capsys):
-    """A function (arguments): (exit code, result, standard error) of judging a capsule."""
+def recorded(tmp_path, config, recordings, capsys):
+    """A function (arguments): (exit code, result, standard error) of judging a recording."""
     config.write_text(FLEET)
     for second in range(111):
         level = 2 if second >= 90 else 0
         data = encode_array([Status(level, "motor", "m", "m", ())], WALL + second)
-        capsules.rings.receive(Stream(TOPICS[1]), data, at(second))
-    path = tmp_path / "capsule.mcap"
-    path.write_bytes(capsule(capsules))
+        recordings.rings.receive(Stream(TOPICS[1]), data, at(second))
+    path = tmp_path / "recording.mcap"
+    path.write_bytes(recording(recordings))
 
     def judge(*arguments):
         code = main(["backtest", "--output", "json", *arguments, str(path)])
@@ -446,6 +450,6 @@ def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_pa
     other.write_text(FLEET + "profiles: {default: {confirm_after: 2m}}\n")
     code, found, err = recorded("--config", str(other))
     assert (code, found["notifications"]) == (0, [])
-    assert "too short to know: the capsule shows 20s of the trouble" in err
+    assert "too short to know: the recording shows 20s of the trouble" in err
     assert "confirmed after 2m" in err
     assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]

@@ -1,4 +1,4 @@
-"""A capsule has what is received of its robot beside diagnostics: as it came, with its own type."""
+"""A recording has what is received of its robot beside diagnostics: as it came, with its type."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ros_diagnostics_exporter.capsules.capsules import Capsules
-from ros_diagnostics_exporter.capsules.schemas import SCHEMAS
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Stream, Topic
+from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
+from ros_diagnostics_exporter.recordings.schemas import SCHEMAS
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     PARAMETERS_TYPE,
@@ -77,8 +77,8 @@ class Site:
         config = folder / "fleet.yml"
         config.write_text("fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n")
         self.state = FleetState(Fleet("f", tuple(robots)), at(0))
-        self.capsules = Capsules(folder / "kept", config, self.state.topics_of)
-        self.state.recorder = self.capsules.rings.receive
+        self.recordings = FaultRecordings(folder / "kept", config, self.state.topics_of)
+        self.state.recorder = self.recordings.rings.receive
         self.state.update_nodes(0, [("amcl", "/r"), ("amcl", "/s")], at(0))
 
     def diagnose(self, seconds):
@@ -86,18 +86,18 @@ class Site:
             data = encode_array([Status(0, "motor", "m", "m", ())], WALL + second)
             array = Array(WALL + second, (), len(data), data)
             self.state.receive(Topic(0, "/r/diagnostics"), array, at(second))
-            self.capsules.rings.compress()
+            self.recordings.rings.compress()
 
     def send(self, second, topic, kind, data):
         self.state.record_watched(0, topic, kind, data, at(second))
-        self.capsules.rings.compress()
+        self.recordings.rings.compress()
 
-    def capsule(self, second=100):
+    def recording(self, second=100):
         wall = WALL + second
         began = Event(wall, "fault_began", "r", severity="critical", since=wall - 30)
-        self.capsules.note(FAULT, began, at(second))
-        self.capsules.turn(at(second + 10))
-        return self.capsules.read(FAULT, at(second + 10))
+        self.recordings.note(FAULT, began, at(second))
+        self.recordings.turn(at(second + 10))
+        return self.recordings.read(FAULT, at(second + 10))
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_what_the_nodes_of_its_robot_say_is_in_it_byte_for_byte_with_its_type(si
         site.send(second, topic, kind, data)
     site.send(93, LOGS, LOG_TYPE, log("s.amcl", "Of another robot"))
     site.send(93, LOGS, LOG_TYPE, log("nobody", "Of no robot"))
-    content = site.capsule()
+    content = site.recording()
 
     assert beside(content) == sent
     reader = make_reader(io.BytesIO(content), decoder_factories=[DecoderFactory()])
@@ -147,55 +147,55 @@ def test_logs_that_the_robots_config_does_not_name_are_not_in_it(tmp_path, watch
     site = Site(tmp_path, watch)
     site.diagnose(range(111))
     site.send(95, LOGS, LOG_TYPE, log("r.amcl", "For another robot's sake"))
-    assert beside(site.capsule()) == []
+    assert beside(site.recording()) == []
 
 
 def test_what_another_robot_says_is_not_in_it(site):
     site.diagnose(range(111))
     for robot in ("r", "s"):
         stream = Stream(Topic(0, LOGS), LOG_TYPE, robot)
-        site.capsules.rings.receive(stream, log(f"{robot}.amcl", "Overrun"), at(93))
-    site.capsules.rings.compress()
-    assert [data for *_, data in beside(site.capsule())] == [log("r.amcl", "Overrun")]
+        site.recordings.rings.receive(stream, log(f"{robot}.amcl", "Overrun"), at(93))
+    site.recordings.rings.compress()
+    assert [data for *_, data in beside(site.recording())] == [log("r.amcl", "Overrun")]
 
 
 def test_what_was_said_long_before_is_not_in_it_however_little_is_said(site):
     for second in (0, 20, 25, 45, 60, 95):
         site.send(second, LOGS, LOG_TYPE, log("r.amcl", f"At {second}"))
     site.diagnose(range(111))
-    assert [second for *_, second, _data in beside(site.capsule())] == [45, 60, 95]
+    assert [second for *_, second, _data in beside(site.recording())] == [45, 60, 95]
 
 
 def test_a_silent_robots_has_what_it_said_last(site):
     site.diagnose(range(50))
     site.send(40, LOGS, LOG_TYPE, log("r.amcl", "Battery is empty"))
-    assert len(beside(site.capsule(3_000))) == 1
+    assert len(beside(site.recording(3_000))) == 1
 
 
 def test_it_is_judged_as_without_that(site, tmp_path, capsys):
     site.diagnose(range(111))
     site.send(95, LOGS, LOG_TYPE, log("r.amcl", "Overrun", 40))
     path = tmp_path / "c.mcap"
-    path.write_bytes(site.capsule())
+    path.write_bytes(site.recording())
     assert main(["backtest", str(path)]) == 0
     assert capsys.readouterr().err == ""
 
 
-def test_what_is_not_received_any_more_is_forgotten_but_for_a_capsule_under_way(site):
+def test_what_is_not_received_any_more_is_forgotten_but_for_a_recording_under_way(site):
     site.diagnose(range(101))
     site.send(95, LOGS, LOG_TYPE, log("r.amcl", "Overrun"))
-    rings = site.capsules.rings
+    rings = site.recordings.rings
     began = Event(WALL + 100, "fault_began", "r", severity="critical", since=WALL + 100)
-    site.capsules.follow(*site.state.received())
+    site.recordings.follow(*site.state.received())
     size = rings.size
     assert size
-    site.capsules.note(FAULT, began, at(100))
+    site.recordings.note(FAULT, began, at(100))
     site.state.configure(Fleet("f", ()), at(101))
-    site.capsules.follow(*site.state.received())
+    site.recordings.follow(*site.state.received())
     assert rings.size == size
-    site.capsules.turn(at(110))
-    assert len(beside(site.capsules.read(FAULT, at(110)))) == 1
-    site.capsules.follow(*site.state.received())
+    site.recordings.turn(at(110))
+    assert len(beside(site.recordings.read(FAULT, at(110)))) == 1
+    site.recordings.follow(*site.state.received())
     assert rings.size == 0
 
 
@@ -222,4 +222,4 @@ def test_the_node_of_a_message_is_read_from_its_bytes(little):
 @pytest.mark.parametrize("data", [b"", b"\0", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 20])
 def test_bytes_that_are_no_message_are_of_no_robot(site, kind, data):
     site.send(1, "/rosout", kind, data)
-    assert site.capsules.rings.size == 0
+    assert site.recordings.rings.size == 0
