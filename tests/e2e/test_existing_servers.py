@@ -100,9 +100,9 @@ def test_a_robot_suppresses_no_warning_of_the_site_and_the_site_none_of_a_robot(
     post_alerts(
         alertmanager,
         alert("RosDiagnosticsManyComponents", "critical", robot="r1", **of),
-        alert("RosDiagnosticsOwnGripperDown", "critical", robot="r1"),
+        alert("RobotGripperDown", "critical", robot="r1"),
         alert("RosDiagnosticsManyComponents", "warning", robot="r2", **of),
-        alert("RosDiagnosticsOwnDiskFillsUp", "warning", robot="r2"),
+        alert("RobotDiskFillsUp", "warning", robot="r2"),
         alert("DiskFull", "warning"),
         alert("HostDown", "critical", cluster="lab"),
         alert("RosDiagnosticsManyComponents", "warning", robot="r3", **of, cluster="lab"),
@@ -123,11 +123,11 @@ def test_a_robot_suppresses_no_warning_of_the_site_and_the_site_none_of_a_robot(
         (each["labels"]["alertname"], group["receiver"]["name"])
         for group in groups
         for each in group["alerts"]
-        if each["labels"]["alertname"].startswith("RosDiagnosticsOwn")
+        if each["labels"]["alertname"].startswith("Robot")
     }
     assert receivers == {
-        ("RosDiagnosticsOwnGripperDown", "robots"),
-        ("RosDiagnosticsOwnDiskFillsUp", "robots"),
+        ("RobotGripperDown", "robots"),
+        ("RobotDiskFillsUp", "robots"),
     }
 
 

@@ -26,6 +26,7 @@ from testbed.polling import until
 from testbed.processes import Process
 
 SUITE = "bookworm"
+PRIVATE = "somebody@private.example.org"  # in the checkout from which packages are built
 MIRROR = re.compile(r"^(?:URIs:|deb) .*?(\S+://\S+/debian)/?\s", re.MULTILINE)
 PUBLIC_MIRROR = "http://deb.debian.org/debian"
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"

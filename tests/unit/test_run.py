@@ -19,8 +19,20 @@ CHECKOUT = Path(__file__).parents[2]
 ORIGINAL = "#!/bin/sh\n# the administrator's\nexit 104\n"
 MARK = "# ./run installs: "
 BASICS = (
-    *("bash", "basename", "cat", "cksum", "dirname", "flock", "grep", "head", "mkdir", "sed", "sh"),
-    *("sort", "touch", "uname", "wc"),
+    *(
+        "bash",
+        "basename",
+        "cat",
+        "cksum",
+        "date",
+        "dirname",
+        "du",
+        "flock",
+        "grep",
+        "head",
+        "mkdir",
+    ),
+    *("sed", "sh", "sleep", "sort", "touch", "uname", "wc"),
 )
 CHANGING = ("chmod", "cp", "mv", "rm")  # where a killed installer leaves something unfinished
 # A fake program notes its call.
@@ -68,12 +80,14 @@ class Machine:
         self.path = str(folder / "bin")
         for each in ("bin", "sbin", "checkout/packaging/locks", "checkout/lab/bench"):
             (folder / each).mkdir(parents=True)
-        for name in ("run", "pyproject.toml", "packaging/install-packages"):
+        for name in ("run", "pyproject.toml", "packaging/install-packages", "packaging/progress"):
             text = (CHECKOUT / name).read_text()
             # Nothing here may touch the machine itself.
             text = text.replace("/usr/sbin/", f"{self.policy.parent}/")
             (self.checkout / name).write_text(text)
-        (self.checkout / "packaging/locks/versions.txt").write_text("one==1\n")
+            shutil.copymode(CHECKOUT / name, self.checkout / name)
+        for lock in ("versions", "build", "demo"):
+            (self.checkout / f"packaging/locks/{lock}.txt").write_text("one==1\n")
         (self.checkout / "lab/bench/rules.py").write_text("if __name__ == '__main__': ...\n")
         for name in BASICS:
             self.program(name, f'#!/bin/sh\nexec {shutil.which(name)} "$@"\n')
@@ -240,6 +254,38 @@ def test_a_verb_installs_the_packages_that_it_needs_once(machine):
     assert machine.pip() == [*project, *tools, *project, *tools, *project]
 
 
+def test_each_installation_says_what_it_installs(machine):
+    said = machine.run("demo").stdout
+
+    assert re.findall(r"^installing .*", said, re.MULTILINE) == [
+        "installing once: what builds the packages, 1 packages ...",
+        "installing once: ROS 2 and what the demo needs, 1 packages ...",
+        "installing once: the exporter ...",
+        "installing once: the virtual robots ...",
+        "installing from the distribution: prometheus prometheus-alertmanager ...",
+    ]
+
+
+def test_what_takes_long_gives_signs_of_life_and_ends_as_its_command(tmp_path):
+    """The command ends once a sign was seen, so the test waits for no time."""
+    said = tmp_path / "said"
+    command = f"until grep -q ' s, [0-9]* MB by now' {said}; do :; done; exit 3"
+    argv = [CHECKOUT / "packaging" / "progress", "ROS 2", tmp_path, "sh", "-c", command]
+    with said.open("w") as output:
+        done = subprocess.run(
+            argv,
+            env=os.environ | {"PROGRESS_SECONDS": "0.05"},
+            stdout=output,
+            check=False,
+            timeout=60,
+        )
+
+    first, second, *_ = said.read_text().splitlines()
+    assert done.returncode == 3
+    assert first == "ROS 2 ..."
+    assert re.fullmatch(r"  ROS 2: \d+ s, \d+ MB by now", second)
+
+
 def test_in_a_shell_where_the_environment_is_active_it_is_not_made_anew(machine):
     machine.run("demo")
     active = machine.checkout / ".venv" / "bin"
@@ -379,3 +425,14 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     ]
     lines = [line for line in done.stderr.splitlines() if line.startswith("nightly: not run with")]
     assert [line.split()[5].rstrip(",") for line in lines] == ["3.10", "3.11", "3.13"]
+
+
+def test_the_commands_of_contributing_set_up_what_they_need():
+    """A verb of ./run installs what it uses; a program of .venv need not be there yet."""
+    section = (CHECKOUT / "CONTRIBUTING.md").read_text().partition("## Set up and test")[2]
+    commands = section.partition("```sh\n")[2].partition("```")[0].splitlines()
+
+    assert commands
+    assert [line for line in commands if not line.startswith("./run ")] == []
+    for path in re.findall(r"tests/\S+", "\n".join(commands)):
+        assert (CHECKOUT / path).exists()

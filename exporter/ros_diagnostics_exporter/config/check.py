@@ -7,6 +7,7 @@ from dataclasses import asdict
 from datetime import datetime
 from zoneinfo import ZoneInfo
 
+from ros_diagnostics_exporter.config import patterns
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     Check,
@@ -24,7 +25,6 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.scalars import DAY, DAYS
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.model import Domain, place
-from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.weekly import Weekly
 
 
@@ -69,8 +69,8 @@ def _discovery(discovery: Discovery) -> str:
     return _joined(
         f"{discovery.template} in {_places(discovery.domain_ids)}",
         f"as {discovery.name}",
-        discovery.include and f"only {_patterns(discovery.include)}",
-        discovery.exclude and f"not {_patterns(discovery.exclude)}",
+        discovery.include and f"only {patterns.written(discovery.include)}",
+        discovery.exclude and f"not {patterns.written(discovery.exclude)}",
         f"source {discovery.source.value}",
         *_settings(discovery),
     )
@@ -109,7 +109,7 @@ def _check(check: Check) -> str:
 
 
 def _maintenance(maintenance: Maintenance) -> str:
-    selector = {label: _patterns(each) for label, each in maintenance.selector.items()}
+    selector = {label: patterns.written(each) for label, each in maintenance.selector.items()}
     zone = ZoneInfo(maintenance.time_zone)
     return _joined(
         f"{maintenance.name}: {_pairs(selector)}",
@@ -175,10 +175,6 @@ def _joined(*parts: str | bool | tuple[object, ...] | None) -> str:
 
 def _pairs(mapping: Mapping[str, object]) -> str:
     return " ".join(f"{key}={value}" for key, value in mapping.items())
-
-
-def _patterns(patterns: Iterable[Pattern]) -> str:
-    return "|".join(pattern.pattern for pattern in patterns)
 
 
 def _places(ids: tuple[Domain, ...]) -> str:

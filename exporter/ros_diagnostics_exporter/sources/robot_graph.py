@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from datetime import datetime, timezone
 from math import inf
 from typing import Annotated, Any, NamedTuple
 
@@ -41,6 +42,7 @@ REPORT = 30.0  # ... between two reports in which nothing has changed
 GRAPH = Feed(GROUP, GROUP, FRESH, planned_stale=True)
 SHADOW = GRAPH._replace(shadow=True)
 SHADOW_TIME = 7 * 86_400.0  # seconds for which a robot is known until its silent faults are faults
+ANNOUNCED = 86_400.0  # ... before that end, in which it is announced
 HELD = 120.0  # ... after a start, until what is no problem any more is healthy
 UNREAD = 900.0  # ... more after which a topic that was not read again is not there any more
 KEPT = 3600.0  # seconds for which a status is made after its trouble
@@ -144,6 +146,7 @@ class RobotGraph:
         self._held: set[str] = set()  # of an earlier process, and nothing is known yet
         self._held_until = inf
         self._says_anyway = False  # also while none of its nodes is there
+        self._is_announced = False  # that its silent faults will be faults; again by a new process
 
     def configure(self, settings: Graph, namespace: str, now: Instant) -> None:
         """Go on by another config, and drop what counts no more: a person's word ends it."""
@@ -236,12 +239,13 @@ class RobotGraph:
         for name in [name for name, since in self._healthy.items() if now.mono - since > KEPT]:
             del self._healthy[name]
         parts = (self._nodes, self._topics, self.messages)
-        events = tuple(each for part in parts for each in part.take_events())
+        happened = tuple(each for part in parts for each in part.take_events())
         batteries, mute = self.messages.batteries(self.settings.watch, now)
         statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
         expected, logs = self._nodes.expected, self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
         lossy = self.lossy and not feed.shadow  # of a shadow's link nobody is notified
+        events = (*happened, *self._announcement(now))
         return Report(robot, feed, statuses, held, expected, lossy, events, logs, watched)
 
     def _find_problems(self, now: Instant) -> dict[str, tuple[int, str]]:
@@ -300,9 +304,18 @@ class RobotGraph:
         return self.lossy != before
 
     def _feed(self, now: Instant) -> Feed:
-        mode = self.settings.mode
-        young = mode == "auto" and now.wall - self.known < SHADOW_TIME
-        return SHADOW if young or mode == "shadow" else GRAPH
+        young = self._shadow_left(now) > 0
+        return SHADOW if young or self.settings.mode == "shadow" else GRAPH
+
+    def _shadow_left(self, now: Instant) -> float:
+        """Seconds until the robot is no shadow any more by itself; nobody asked for that moment."""
+        return self.known + SHADOW_TIME - now.wall if self.settings.mode == "auto" else 0.0
+
+    def _announcement(self, now: Instant) -> Iterator[str]:
+        if not self._is_announced and 0 < self._shadow_left(now) <= ANNOUNCED:
+            self._is_announced = True
+            end = datetime.fromtimestamp(self.known + SHADOW_TIME, timezone.utc)
+            yield f"silent faults notify from {end:%Y-%m-%d %H:%M} UTC on (graph.mode: auto)"
 
     def _statuses(self) -> Iterator[Status]:
         for name, (level, text) in sorted(self._problems.items()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -24,9 +25,9 @@ def debian_package(tmp_path_factory: pytest.TempPathFactory, debian_base: Path) 
 
     def make(folder: Path) -> None:
         with debian.copied(debian_base, folder / "builder") as builder:
-            shutil.copytree(CHECKOUT, builder / "srv" / "checkout", ignore=IGNORED, symlinks=True)
+            used_checkout(builder / "srv" / "checkout")
             debian.does(
-                builder, "apt-get install --quiet=2 --yes --no-install-recommends python3-venv"
+                builder, "apt-get install --quiet=2 --yes --no-install-recommends git python3-venv"
             )
             debian.does(builder, "cd /srv/checkout && packaging/build-deb /srv", 1200)
             (package,) = (builder / "srv").glob("*.deb")
@@ -34,3 +35,19 @@ def debian_package(tmp_path_factory: pytest.TempPathFactory, debian_base: Path) 
 
     (package,) = debian.made_once(tmp_path_factory, "debian-package", make).glob("*.deb")
     return package
+
+
+def used_checkout(folder: Path) -> None:
+    """A checkout of what is here, in which somebody has followed README: edited, with data."""
+    shutil.copytree(CHECKOUT, folder, ignore=IGNORED, symlinks=True)
+    for command in (
+        ("init", "--quiet"),
+        ("add", "--all"),
+        ("-c", "user.name=a", "-c", "user.email=a@localhost", "commit", "--quiet", "-m", "all"),
+    ):
+        subprocess.run(["git", *command], cwd=folder, check=True)
+    with (folder / "alertmanager" / "alertmanager.yml").open("a") as config:
+        config.write(f"# {debian.PRIVATE}\n")
+    for name in ("alertmanager/data/nflog", "prometheus/data/queries.active", "alertmanager/key"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(debian.PRIVATE)

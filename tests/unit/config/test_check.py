@@ -31,3 +31,14 @@ def test_warnings_come_last(fleet_of, tmp_path):
             'to watch; add discovery: [{topic: "/{robot}/diagnostics_agg"}]'
         ),
     ]
+
+
+def test_patterns_of_a_discovery_are_printed_as_they_are_written(fleet_of):
+    text = describe(
+        fleet_of("""
+            fleet: x
+            discovery:
+              - {topic: "/{robot}/diagnostics_agg", include: ["tb*", "amr-?"], exclude: ["*.sim"]}
+        """)
+    )
+    assert ", only tb* or amr-?, not *.sim, " in text

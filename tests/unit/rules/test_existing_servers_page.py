@@ -73,7 +73,7 @@ def test_each_inhibition_of_a_site_is_exempted_on_both_sides():
 
     for rule in rules[len(rules) - theirs :]:
         for side in ("source_matchers", "target_matchers"):
-            assert rule[side][-1] == 'alertname !~ "RosDiagnostics.+"', rule
+            assert rule[side][-1] == 'alertname !~ "RosDiagnostics.+|Robot.+"', rule
 
 
 def series(metric: str, **labels: str) -> str:

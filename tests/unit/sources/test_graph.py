@@ -480,6 +480,25 @@ def test_in_the_first_week_of_a_robot_it_is_a_shadow(site):
     assert site.reports[-1].feed == SHADOW
 
 
+def test_a_day_before_silent_faults_notify_by_themselves_it_is_an_event(site):
+    site.graph = Graph()
+    site.look(5, *USUAL)
+    for day in (5.9, 6.1, 6.5, 7.1):
+        site.now = Instant(day * DAY, WALL + day * DAY)
+        site.look(60, *USUAL)
+        assert len(site.events) == (day > 6)
+    assert site.events == ["silent faults notify from 2023-11-21 22:13 UTC on (graph.mode: auto)"]
+
+
+@pytest.mark.parametrize("mode", ["on", "shadow"])
+def test_no_other_mode_of_the_graph_begins_to_notify_by_itself(site, mode):
+    site.graph = Graph(mode=mode)
+    site.look(5, *USUAL)
+    site.now = Instant(6.5 * DAY, WALL + 6.5 * DAY)
+    site.look(60, *USUAL)
+    assert site.events == []
+
+
 def test_what_is_off_is_not_reported(site):
     site.graph = Graph(mode="off")
     site.look(120, *USUAL)

@@ -1,0 +1,21 @@
+"""The fleet.yml of the Debian package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_diagnostics_exporter.config.load import load
+from testbed.configuration import CHECKOUT
+
+SHIPPED = CHECKOUT / "packaging" / "debian" / "fleet.yml"
+
+
+def test_the_entry_in_its_comment_takes_a_robot_without_a_namespace(tmp_path: Path):
+    text = SHIPPED.read_text()
+    for line in ("robots:", "  - {name: robot"):
+        assert text.count(f"\n# {line}") == 1
+        text = text.replace(f"\n# {line}", f"\n{line}")
+    (tmp_path / "fleet.yml").write_text(text)
+    (robot,) = load(tmp_path / "fleet.yml").robots
+
+    assert (robot.name, robot.domain_id, robot.namespace) == ("robot", 0, "")
