@@ -63,7 +63,7 @@ class Suppression(NamedTuple):
 def why_not_begin(book: Book, problem: Problem, now: Instant) -> Suppression | None:
     """The first reason that keeps the problem from beginning now; None: it may."""
     robot = problem.robot
-    if problem.in_downtime:
+    if problem.in_downtime or _is_planned_silence(book, problem):
         return Suppression(Reason.MAINTENANCE)
     if robot is not None and robot.cut_off_since is not None and _rests_on_reception(problem):
         return Suppression(Reason.UNREACHABLE)
@@ -118,6 +118,17 @@ def _is_presence(identity: Identity) -> bool:
     return identity.scope is Scope.ROBOT and identity.state in _PRESENCE
 
 
+def _is_planned_silence(book: Book, problem: Problem) -> bool:
+    """Whether a robot is not reached because its uplink fails in a planned downtime.
+
+    Who plans that plans the silence of all robots that are reached through it.
+    """
+    uplink = None if problem.robot is None else book.robots.get(problem.robot.settings.uplink)
+    if uplink is None or not uplink.maintenance or not _rests_on_reception(problem):
+        return False
+    return any(edge.problem.lasts for edge in _uplinks(book, problem.robot))
+
+
 def _rests_on_reception(problem: Problem) -> bool:
     """Whether a problem may only mean that its robot is not reached."""
     if problem.component is None:
@@ -168,8 +179,13 @@ def latest(book: Book, problem: Problem, now: Instant) -> float:
 def is_explained(
     book: Book, problems: Iterable[Problem], reasons: Iterable[Reason], now: Instant
 ) -> bool:
-    """Whether one of these reasons explains one of these problems now."""
-    return any(
+    """Whether one of these reasons explains one of these problems now.
+
+    What its uplink's downtime plans is unreachable, too.
+    """
+    problems, reasons = list(problems), set(reasons)
+    planned = (each for each in problems if _is_planned_silence(book, each))
+    return (Reason.UNREACHABLE in reasons and next(planned, None) is not None) or any(
         edge.reason in reasons and _holds(book, edge, each, now)
         for each in problems
         for edge in edges(book, each, now)
@@ -261,8 +277,8 @@ def edges(book: Book, problem: Problem, now: Instant) -> Iterator[Edge]:
         yield from _capabilities(robot, problem, now)
 
 
-def _uplinks(book: Book, robot: RobotRecord) -> Iterator[Edge]:
-    uplink = book.robots.get(robot.settings.uplink)
+def _uplinks(book: Book, robot: RobotRecord | None) -> Iterator[Edge]:
+    uplink = None if robot is None else book.robots.get(robot.settings.uplink)
     if uplink is None or uplink is robot:
         return
     for component in uplink.components.values():

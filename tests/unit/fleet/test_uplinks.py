@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Query, Robot, Source
-from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Status, Topic
 from support.state_driver import ERROR, OK, StateDriver
 
 ALL = ("r", "r2", "r3", "r4", "r5", "r6")
@@ -271,3 +271,17 @@ def test_robots_of_an_uplink_that_fails_again_and_again_do_not_flap(driver):
         heal(driver, all_of_them=True)
         driver.pass_to(260 + 200 * number)
     assert {name for name in driver.began if not name.startswith("ap")} == set()
+
+
+def test_the_planned_downtime_of_an_uplink_is_that_of_the_silence_behind_it(driver):
+    until = driver.now.wall + 600
+    driver.state.plan(
+        [Downtime("ap", "", driver.now.wall, until, "kim", "new firmware")], driver.now
+    )
+    fail(driver, "ap")
+    driver.pass_to(driver.now.mono + 300)
+    assert driver.began == []
+    assert driver.suppressed("r")["silent"] == "maintenance"
+    heal(driver, all_of_them=True)
+    driver.pass_to(driver.now.mono + 600)
+    assert driver.began == []
