@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 from ros_diagnostics_exporter.model import Unclaimed
 from ros_diagnostics_exporter.texts import natural
 
-SEVERITIES = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
+SEVERITIES = {"SILENT": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
 STATE_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
 # State -> colour and that of a text on it; the same as the dashboards', for the colour-blind too.
 COLOURS = {
-    "UNKNOWN": ("#1B3A86", "#FFFFFF"),
+    "SILENT": ("#1B3A86", "#FFFFFF"),
+    "UNKNOWN": ("#3D3D3D", "#FFFFFF"),
     "CRITICAL": ("#C1121F", "#FFFFFF"),
     "STALE": ("#9350C9", "#FFFFFF"),
     "WARNING": ("#FFD92F", "#000000"),
@@ -77,7 +78,7 @@ OF_ABILITY = {  # of a capability, as the API has it -> state with the same colo
     "lost": ("CRITICAL", "lost"),
     "unknown": ("UNKNOWN", "not known"),
 }
-_OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
+_OF_STATE = {"silent": "SILENT", "pending": "PENDING"}  # all others by their severity
 _WORSE = {
     "warning": ("stale", "critical"),
     "stale": ("critical",),
@@ -115,9 +116,9 @@ def component_state(level: str, before_stale: str | None, *, stale_is_critical: 
 
 
 def state_of(robot: dict[str, Any]) -> str:
-    """A robot's state in one word: UNKNOWN is silent, PENDING was never seen."""
+    """A robot's state in one word: SILENT is not received, PENDING never was."""
     if not robot["up"]:
-        return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
+        return "PENDING" if robot["silent_reason"] == "never_seen" else "SILENT"
     words = [judged_state(each) for each in robot["components"]]
     words += ["CRITICAL" for _short in robot["short_checks"]]
     words += [
@@ -129,7 +130,7 @@ def state_of(robot: dict[str, Any]) -> str:
 
 
 def problem_state(problem: dict[str, Any]) -> str:
-    """A problem's state in one word of SEVERITIES: a silent robot is UNKNOWN."""
+    """A problem's state in one word of SEVERITIES: a robot that is not received is SILENT."""
     state: str = problem["state"]
     return _OF_STATE.get(state) or ("STALE" if state == "stale" else problem["severity"].upper())
 

@@ -82,7 +82,7 @@ class Commands(click.Group):
 
 EPILOG = f"""\b
 Examples:
-  {PROGRAM} status --state critical,unknown
+  {PROGRAM} status --state critical,silent
   {PROGRAM} why robot_3 --at 14:30
   {PROGRAM} ack robot_3 "Motor 1" --comment "spare part ordered"
 

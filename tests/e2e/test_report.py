@@ -27,7 +27,7 @@ END = int(time.time()) // SLOT * SLOT
 # Robot -> part -> its seconds of each slot; b is down for the last two days.
 PARTS = {
     "a": lambda _at: {"ok": 240, "warning": 30, "critical": 30},
-    "b": lambda at: {"unknown": 300} if at > END - 2 * DAY else {"ok": 200, "maintenance": 100},
+    "b": lambda at: {"silent": 300} if at > END - 2 * DAY else {"ok": 200, "maintenance": 100},
     "new": lambda at: {"ok": 300} if at > END - DAY else {},
 }
 # (robot, capability) -> part -> its seconds of each slot of the last two days.
@@ -43,7 +43,7 @@ def samples() -> str:
     """Both records of two weeks as OpenMetrics, each fifteen days a series."""
     robot, fleet = list[str](), dict[str, dict[int, int]]()
     for name, of in PARTS.items():
-        for part in ("ok", "warning", "critical", "unknown", "maintenance"):
+        for part in ("ok", "warning", "critical", "silent", "maintenance"):
             for at in range(END - 15 * DAY + SLOT, END + 1, SLOT):
                 seconds = of(at).get(part, 0)
                 if seconds:

@@ -57,7 +57,7 @@ class States(click.ParamType[frozenset[str]]):
         return states
 
 
-@click.command(epilog="Example: ros-diagnostics status --state critical,unknown --watch")
+@click.command(epilog="Example: ros-diagnostics status --state critical,silent --watch")
 @click.option("--state", type=States(), metavar="STATE[,STATE]", help="Only robots in these.")
 @click.option("--robot", default="*", metavar="PATTERN", help="Only these; * and ? are wildcards.")
 @click.option(

@@ -371,7 +371,7 @@ PARTS = {
     "warning": palette.WARNING.colour,
     "stale": palette.STALE.colour,
     "critical": palette.CRITICAL.colour,
-    "unknown": palette.UNKNOWN.colour,
+    "silent": palette.SILENT.colour,
     "unreachable": palette.UNREACHABLE_COLOUR,
     "maintenance": palette.MAINTENANCE_COLOUR,
     "pending": palette.PENDING.colour,

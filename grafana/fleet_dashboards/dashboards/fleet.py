@@ -67,7 +67,7 @@ def build() -> builders.Dashboard:
 
 # The label "state" of the recorded counts; robots behind a dead uplink are silent, too.
 STATE_LABELS = {state.word: state.word.lower() for state in palette.STATES}
-STATE_LABELS["UNKNOWN"] = "unknown|unreachable"
+STATE_LABELS["SILENT"] = "silent|unreachable"
 
 
 def robots_by_state() -> stat.Panel:
@@ -76,7 +76,8 @@ def robots_by_state() -> stat.Panel:
     number = panels.number(
         "Robots by state",
         "How many robots are in each state? CRITICAL: an error, or fewer components than "
-        "expected. UNKNOWN: silent. STALE: a component stopped reporting. WARNING: it works, "
+        "expected. SILENT: nothing is received. UNKNOWN: its exporter does not answer. STALE: a "
+        "component stopped reporting. WARNING: it works, "
         "but needs attention. PENDING: declared in fleet.yml, never received. A question mark: not "
         "known while an exporter does not answer. A click filters by the state.",
         counts[palette.CRITICAL],
@@ -84,7 +85,7 @@ def robots_by_state() -> stat.Panel:
     panel = panels.on_colour(number).targets(
         [
             panels.at_end(expr, state.word, ref)
-            for ref, (state, expr) in zip("ABCDEF", counts.items(), strict=True)
+            for ref, (state, expr) in zip("ABCDEFG", counts.items(), strict=True)
         ]
     )
     for state in counts:
@@ -245,12 +246,15 @@ def health() -> timeseries.Panel:
     """Show the robots by state over time, the worst at the bottom."""
     states = [(state.word, state.word.lower(), state.colour) for state in palette.WORST_FIRST]
     states.insert(2, ("UNREACHABLE", "unreachable", palette.UNREACHABLE_COLOUR))
+    none = {"UNKNOWN": f" or sum({_COUNT}{{{_MATCHERS}}}) * 0"}  # in most fleets there never is one
     panel = panels.graph(
         "Health of the fleet",
         "Is it getting better or worse? Robots by state over time, the worst at the bottom.",
         *(
-            panels.over_time(f'sum({_COUNT}{{{_MATCHERS}, state="{label}"}})', word, ref)
-            for ref, (word, label, _colour) in zip("ABCDEFG", states, strict=True)
+            panels.over_time(
+                f'sum({_COUNT}{{{_MATCHERS}, state="{label}"}}){none.get(word, "")}', word, ref
+            )
+            for ref, (word, label, _colour) in zip("ABCDEFGH", states, strict=True)
         ),
     )
     for word, _label, colour in states:

@@ -107,7 +107,7 @@ def state() -> stat.Panel:
     """Show the robot's state."""
     return panels.word(
         "State",
-        "What is the state of the robot? That of its worst component; UNKNOWN while it is silent.",
+        "What is the state of the robot? Its worst component; SILENT if nothing is received.",
         f"robot:ros_diagnostics_state:rank{{{_ROBOT}}}",
         palette.state_mappings(),
     )
@@ -430,7 +430,7 @@ def message_age_over_time() -> timeseries.Panel:
         panels.over_time(_MESSAGE_AGE, "age"),
         panels.over_time(limit, "silent above", "B"),
         unit="s",
-    ).override_by_name("silent above", panels.dashed(palette.UNKNOWN.colour))
+    ).override_by_name("silent above", panels.dashed(palette.SILENT.colour))
 
 
 def clock_offset_over_time() -> timeseries.Panel:

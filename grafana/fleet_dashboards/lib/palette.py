@@ -26,9 +26,10 @@ OK = State(0, "OK", "#1F7F63")
 WARNING = State(1, "WARNING", "#FFD92F")
 STALE = State(2, "STALE", "#9350C9")
 CRITICAL = State(3, "CRITICAL", "#C1121F")
-UNKNOWN = State(4, "UNKNOWN", "#1B3A86")
-STATES = (PENDING, OK, WARNING, STALE, CRITICAL, UNKNOWN)  # in the order of their ranks
-WORST_FIRST = (CRITICAL, UNKNOWN, STALE, WARNING, OK, PENDING)
+SILENT = State(4, "SILENT", "#1B3A86")
+UNKNOWN = State(5, "UNKNOWN", "#3D3D3D")  # its exporter does not answer
+STATES = (PENDING, OK, WARNING, STALE, CRITICAL, SILENT, UNKNOWN)  # in the order of their ranks
+WORST_FIRST = (CRITICAL, SILENT, STALE, WARNING, OK, PENDING, UNKNOWN)
 
 # The other parts of the availability report.
 MAINTENANCE_COLOUR = "#8C6D46"

@@ -45,7 +45,7 @@ _KINDS = (
         "check",
         under="lost|degraded",
     ),
-    _Kind('scope="robot", state="silent"', palette.UNKNOWN),
+    _Kind('scope="robot", state="silent"', palette.SILENT),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
     _Kind(
@@ -60,10 +60,10 @@ _KINDS = (
     ),
     _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
     _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
-    _Kind('scope="site", site=""', palette.UNKNOWN, "many robots are silent", of_many=True),
+    _Kind('scope="site", site=""', palette.SILENT, "many robots are silent", of_many=True),
     _Kind(
         'scope="site", site!=""',
-        palette.UNKNOWN,
+        palette.SILENT,
         "many robots of site $1 are silent",
         "site",
         of_many=True,

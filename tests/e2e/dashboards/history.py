@@ -18,7 +18,7 @@ PARTS = {
     "well": {"ok": 48},
     "broken": {"ok": 24, "warning": 12, "critical": 12},
     "maintained": {"ok": 24, "maintenance": 24},
-    "silent": {"ok": 24, "unknown": 12, "undetermined": 12},
+    "silent": {"ok": 24, "silent": 12, "undetermined": 12},
 }
 # How many slots of what a robot, or without one the fleet, could do.
 ABLE = {

@@ -140,20 +140,20 @@ def test_problems_are_listed_with_state_message_and_acknowledgement(page: browse
     assert motor[2].startswith("Motor failure; values: Temperature: 42 degC")
     assert motor[5] == "ann: spare part ordered"
     (silent,) = (row for row in rows if row[1] == "silent")
-    assert silent[0] == "UNKNOWN"
+    assert silent[0] == "SILENT"
     assert silent[2].startswith("nobody publishes on its topics")
     (fresh,) = (row for row in rows if row[1] == "fresh")
     assert fresh[5] == "not confirmed"
     (maintained,) = (row for row in rows if row[1] == "maintained")
     assert maintained[5] == "planned"
     assert [row[0] for row in rows] == sorted(
-        (row[0] for row in rows), key=["UNKNOWN", "CRITICAL", "STALE", "WARNING", "PENDING"].index
+        (row[0] for row in rows), key=["SILENT", "CRITICAL", "STALE", "WARNING", "PENDING"].index
     )
 
 
 @pytest.mark.parametrize(
     ("rank", "state"),
-    [(4, "UNKNOWN"), (3, "CRITICAL"), (2, "STALE"), (1, "WARNING"), (-1, "PENDING")],
+    [(4, "SILENT"), (3, "CRITICAL"), (2, "STALE"), (1, "WARNING"), (-1, "PENDING")],
 )
 def test_a_state_has_its_colour_in_a_table(page: browser.Page, rank: int, state: str):
     page.open(FLEET, state=f"== {rank}")
@@ -164,7 +164,7 @@ def test_a_state_has_its_colour_in_a_table(page: browser.Page, rank: int, state:
 
 COLOURS = {
     "CRITICAL": (193, 18, 31),
-    "UNKNOWN": (27, 58, 134),
+    "SILENT": (27, 58, 134),
     "STALE": (147, 80, 201),
     "WARNING": (255, 217, 47),
     "OK": (31, 127, 99),

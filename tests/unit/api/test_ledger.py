@@ -72,7 +72,7 @@ def test_everything_that_happened_is_in_order_and_of_others_nothing():
         "fault began: CRITICAL /M/Motor 1",
         "notification sent to email: CRITICAL /M/Motor 1",
         "robot is silent",
-        "fault began: UNKNOWN many robots of site hall are silent",
+        "fault began: SILENT many robots of site hall are silent",
         "acknowledged by ann: CRITICAL /M/Motor 1: on it",
     ]
     assert len(entries(own, of_many, None, "hall")) == 7

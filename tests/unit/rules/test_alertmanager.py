@@ -602,7 +602,7 @@ def test_names_and_texts_of_a_robot_stay_text(render, kind):
         ("firing", {"severity": "critical", "state": "critical"}, "CRITICAL"),
         ("firing", {"severity": "warning", "state": "flapping"}, "WARNING"),
         ("firing", {"severity": "warning", "state": "stale"}, "STALE"),
-        ("firing", {"severity": "critical", "state": "silent"}, "UNKNOWN"),
+        ("firing", {"severity": "critical", "state": "silent"}, "SILENT"),
         ("firing", {"severity": "warning", "state": "pending"}, "PENDING"),
         ("firing", {"severity": "critical"}, "CRITICAL"),  # about the monitoring itself
         ("resolved", {"severity": "critical", "state": "silent"}, "OK"),

@@ -347,14 +347,14 @@ def test_a_robot_that_is_removed_just_now_has_its_page(serve):
     assert ask(server, "/robots/a").status == 200
 
 
-def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
+def test_a_robot_that_is_not_received_is_silent_and_one_never_seen_is_pending():
     ok, stale = component("x", "OK"), component("x", "STALE")
     warn, error = component("y", "WARN"), component("z", "ERROR")
     assert state_of(robot("a", ok)) == "OK"
     assert state_of(robot("a", ok, warn)) == "WARNING"
     assert state_of(robot("a", warn, stale)) == "STALE"
     assert state_of(robot("a", stale, error, warn)) == "CRITICAL"
-    assert state_of(robot("a", error, **SILENT)) == "UNKNOWN"
+    assert state_of(robot("a", error, **SILENT)) == "SILENT"
     assert state_of(robot("a", up=False, silent_reason="never_seen")) == "PENDING"
     assert state_of(robot("a")) == "OK"
 
@@ -379,7 +379,7 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
     assert order == sorted(order)
     assert "fine" not in problems
     assert "OK fine" in everything
-    assert "1UNKNOWN1CRITICAL1WARNING1OKRobots" in problems
+    assert "1SILENT1CRITICAL1WARNING1OKRobots" in problems
     unjudged = text_of(robot("b10", component("Motor", "WARN")), robot("b9"))
     assert "Robots with problems: 1b10 WARNING" in unjudged
     assert "All robots: 2OK b9WARNING b10" in unjudged
@@ -387,7 +387,7 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
         "CRITICAL /Motor/Motor 4 confirmed since 00:16:40 UTC, for 1 minOver temperature"
     ) in problems
     assert (
-        "UNKNOWN robot is silent confirmed since 00:15:00 UTC, for 2 min"
+        "SILENT robot is silent confirmed since 00:15:00 UTC, for 2 min"
         "its publisher sends nothing (mute)"
     ) in problems
     assert "Motor 3" not in problems  # of a silent robot everything is stale
@@ -466,7 +466,7 @@ def test_maintenance_and_flapping_are_marked():
 def test_what_many_robots_have_in_common_comes_first():
     site = problem("site", "silent", site="hall", confirmed=1_010.0, evidence="robots: a, b")
     text = text_of(robot("a", problems=[MUTE], **SILENT), problems=[site])
-    assert "Of many robots: 1UNKNOWN many robots of site hall are silent confirmed" in text
+    assert "Of many robots: 1SILENT many robots of site hall are silent confirmed" in text
     assert text.index("of site hall") < text.index("Robots with problems")
 
 

@@ -104,7 +104,7 @@ def test_what_is_not_100_percent_is_not_rounded_to_it(share, shown):
 
 
 def test_planned_and_unknown_time_does_not_count():
-    seconds = {"ok": 600.0, "warning": 200.0, "critical": 100.0, "unknown": 100.0}
+    seconds = {"ok": 600.0, "warning": 200.0, "critical": 100.0, "silent": 100.0}
     uncounted = {"maintenance": 1e6, "pending": 1e6, "undetermined": 1e6}
     found = availability(seconds | uncounted)
     assert found == Availability(1_000.0, 800.0)
