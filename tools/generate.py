@@ -13,6 +13,7 @@ import config_reference
 import config_schema
 import mail_pictures
 import metrics_reference
+import mixin
 import prometheus_operator
 import versions
 from bench import scaling
@@ -38,6 +39,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "paths of the port": api_reference.files,
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
+    "mixin": mixin.files,
     "tables of docs/scaling.md": scaling.files,
     "reference of silent faults": silent_report.files,
     "versions": versions.files,
@@ -59,6 +61,7 @@ def write(files: Files) -> None:
         if text is None:
             path.unlink(missing_ok=True)
         else:
+            path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
 
 

@@ -14,10 +14,14 @@ from typing import Any
 
 import yaml
 
+import mixin
+
 CHECKOUT = Path(__file__).resolve().parents[1]
-RULES = CHECKOUT / "prometheus" / "rules"
 BASE = CHECKOUT / "packaging" / "kubernetes" / "rules" / "rules.yaml"
-SERVERS = "servers.yml"  # about Prometheus and Alertmanager, which such sites watch themselves
+SERVERS = (
+    "servers"  # the rules about Prometheus and Alertmanager, which such sites watch themselves
+)
+RUNBOOKS = "http://localhost:9090/user/alerts"  # as site.runbooks_url of the mails
 # What of the metrics, how often: as the two jobs of prometheus/prometheus.yml.
 SCRAPES: dict[str, tuple[str, dict[str, list[str]]]] = {
     "ros-diagnostics-faults": ("2s", {"collect[]": ["faults"]}),
@@ -40,35 +44,54 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--target", action="append", default=[], metavar="HOST:PORT", help="exporter; repeatable"
     )
-    parser.add_argument("--servers", action="store_true", help=f"with the rules of {SERVERS}")
+    parser.add_argument("--servers", action="store_true", help=f"with the rules of {SERVERS}.yml")
+    parser.add_argument(
+        "--runbooks",
+        metavar="URL",
+        default=RUNBOOKS,
+        help="where docs/alerts is served, for the runbook_url of each alert; default: %(default)s",
+    )
     options = parser.parse_args(arguments)
     metadata: dict[str, Any] = {"namespace": options.namespace} if options.namespace else {}
     if options.label:
         metadata["labels"] = dict(options.label)
-    found = [*rules(metadata, servers=options.servers), *scrapes(metadata, options.target)]
+    made = rules(metadata, servers=options.servers, runbooks=options.runbooks)
+    found = [*made, *scrapes(metadata, options.target)]
     sys.stdout.write(_yaml(found))
     return 0
 
 
 def files() -> dict[Path, str]:
     """The rules of the base for Kubernetes."""
-    return {BASE: _yaml(rules({}, servers=False))}
+    return {BASE: _yaml(rules({}, servers=False, runbooks=RUNBOOKS))}
 
 
 def _yaml(found: Iterable[dict[str, Any]]) -> str:
     return yaml.dump_all(found, Dumper=_Dumper, sort_keys=False, width=10_000)
 
 
-def rules(metadata: dict[str, Any], *, servers: bool) -> Iterator[dict[str, Any]]:
+def rules(metadata: dict[str, Any], *, servers: bool, runbooks: str) -> Iterator[dict[str, Any]]:
     """A PrometheusRule for each rule file; ``servers``: also for those about the servers."""
-    for path in sorted(RULES.glob("*.yml")):
-        if path.name != SERVERS or servers:
+    for name, groups in mixin.groups():
+        if name != SERVERS or servers:
             yield {
                 "apiVersion": "monitoring.coreos.com/v1",
                 "kind": "PrometheusRule",
-                "metadata": {"name": f"ros-diagnostics-{path.stem}", **metadata},
-                "spec": yaml.safe_load(path.read_text(encoding="utf-8")),
+                "metadata": {"name": f"ros-diagnostics-{name}", **metadata},
+                "spec": {"groups": [_with_runbooks(group, runbooks) for group in groups]},
             }
+
+
+def _with_runbooks(group: dict[str, Any], runbooks: str) -> dict[str, Any]:
+    return {**group, "rules": [_with_runbook(rule, runbooks) for rule in group["rules"]]}
+
+
+def _with_runbook(rule: dict[str, Any], runbooks: str) -> dict[str, Any]:
+    """A copy: in YAML, several alerts share their annotations."""
+    if "alert" not in rule:
+        return rule
+    url = f"{runbooks.rstrip('/')}/{rule['alert']}.md"
+    return {**rule, "annotations": {**rule.get("annotations", {}), "runbook_url": url}}
 
 
 def scrapes(metadata: dict[str, Any], targets: Sequence[str]) -> Iterator[dict[str, Any]]:

@@ -1,27 +1,36 @@
-// For jsonnet users: the dashboards and rules as a monitoring mixin (https://monitoring.mixins.dev).
-// Rules and alerts of a group are evaluated in its order, so both are in prometheusRules.
-
-// A text with "---" in a comment is parsed as a list of documents.
-local groups(text) = local parsed = std.parseYaml(text); (if std.isArray(parsed) then parsed[0] else parsed).groups;
+// The rules and dashboards as a monitoring mixin (https://monitoring.mixins.dev). This folder needs nothing outside of it.
+// rules.json and dashboards/ are written by ./run generate.
+local rules = import 'rules.json';
 
 {
-  grafanaDashboards+:: {
-    'ros-diagnostics-alerts.json': import '../../grafana/dashboards/ros-diagnostics-alerts.json',
-    'ros-diagnostics-component.json': import '../../grafana/dashboards/ros-diagnostics-component.json',
-    'ros-diagnostics-fleet.json': import '../../grafana/dashboards/ros-diagnostics-fleet.json',
-    'ros-diagnostics-monitoring.json': import '../../grafana/dashboards/ros-diagnostics-monitoring.json',
-    'ros-diagnostics-robot.json': import '../../grafana/dashboards/ros-diagnostics-robot.json',
-    'ros-diagnostics-week.json': import '../../grafana/dashboards/ros-diagnostics-week.json',
+  _config+:: {
+    // Where docs/alerts is served; %s is the name of the alert.
+    runbookURLPattern: 'http://localhost:9090/user/alerts/%s.md',
+    // Also the rules about Prometheus and Alertmanager themselves, for a site that has none.
+    servers: false,
   },
-  prometheusRules+:: {
-    groups+: std.flatMap(groups, [
-      importstr '../../prometheus/rules/availability.yml',
-      importstr '../../prometheus/rules/escalation.yml',
-      importstr '../../prometheus/rules/faults.yml',
-      importstr '../../prometheus/rules/monitoring.yml',
-      importstr '../../prometheus/rules/pairs.yml',
-      importstr '../../prometheus/rules/servers.yml',
-      importstr '../../prometheus/rules/states.yml',
-    ]),
+
+  local hasAlerts(group) = std.length([rule for rule in group.rules if 'alert' in rule]) > 0,
+  local withRunbook(rule) = if !('alert' in rule) then rule else rule {
+    annotations+: { runbook_url: std.format($._config.runbookURLPattern, rule.alert) },
+  },
+  local groups = [
+    group { rules: std.map(withRunbook, group.rules) }
+    for file in std.objectFields(rules)
+    if file != 'servers' || $._config.servers
+    for group in rules[file]
+  ],
+
+  // A group is evaluated in its order, so one with alerts keeps its records.
+  prometheusAlerts+:: { groups+: std.filter(hasAlerts, groups) },
+  prometheusRules+:: { groups+: std.filter(function(group) !hasAlerts(group), groups) },
+
+  grafanaDashboards+:: {
+    'ros-diagnostics-alerts.json': import 'dashboards/ros-diagnostics-alerts.json',
+    'ros-diagnostics-component.json': import 'dashboards/ros-diagnostics-component.json',
+    'ros-diagnostics-fleet.json': import 'dashboards/ros-diagnostics-fleet.json',
+    'ros-diagnostics-monitoring.json': import 'dashboards/ros-diagnostics-monitoring.json',
+    'ros-diagnostics-robot.json': import 'dashboards/ros-diagnostics-robot.json',
+    'ros-diagnostics-week.json': import 'dashboards/ros-diagnostics-week.json',
   },
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import pytest
 import yaml
 
 import prometheus_operator
-from support.shipped_rules import PROMETHEUS, RULE_FILES, run_tool
+from support.shipped_rules import ALERTMANAGER, PROMETHEUS, RULE_FILES, run_tool
 
 
 def objects(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
@@ -17,17 +19,43 @@ def objects(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[st
     return list(yaml.safe_load_all(capsys.readouterr().out))
 
 
-def test_the_rules_come_back_as_they_are(capsys, tmp_path: Path):
-    found = objects(capsys, "--servers")
+def with_runbooks(content: dict[str, Any], url: str) -> dict[str, Any]:
+    """A copy of the rules, with the address of each alert's runbook."""
+    copy: dict[str, Any] = json.loads(json.dumps(content))
+    for rule in (rule for group in copy["groups"] for rule in group["rules"]):
+        if "alert" in rule:
+            rule.setdefault("annotations", {})["runbook_url"] = f"{url}/{rule['alert']}.md"
+    return copy
+
+
+def test_the_rules_come_back_with_their_runbooks(capsys, tmp_path: Path):
+    found = objects(capsys, "--servers", "--runbooks=https://runbooks.example.org/")
 
     assert [each["metadata"]["name"] for each in found] == [
         f"ros-diagnostics-{path.stem}" for path in RULE_FILES
     ]
     for each, path in zip(found, RULE_FILES, strict=True):
-        assert each["spec"] == yaml.safe_load(path.read_text())
+        shipped = yaml.safe_load(path.read_text())
+        assert each["spec"] == with_runbooks(shipped, "https://runbooks.example.org")
         copy = tmp_path / path.name
         copy.write_text(yaml.safe_dump({"groups": each["spec"]["groups"]}))
         run_tool("promtool", "check", "rules", copy)
+
+
+def test_runbooks_are_by_default_where_the_mails_link_to(capsys):
+    found = objects(capsys)
+    (url,) = re.findall(
+        r'"site.runbooks_url" }}(.*?){{', (ALERTMANAGER / "templates" / "site.tmpl").read_text()
+    )
+
+    alerts = [
+        (rule["alert"], rule["annotations"]["runbook_url"])
+        for each in found
+        for group in each["spec"]["groups"]
+        for rule in group["rules"]
+        if "alert" in rule
+    ]
+    assert alerts == [(name, f"{url}/{name}.md") for name, _ in alerts]
 
 
 def test_rules_about_the_servers_are_left_out(capsys):
