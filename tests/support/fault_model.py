@@ -179,6 +179,8 @@ class Model:
         if robot.presence == "silent":
             return
         robot.went = robot.presence == "up" and not robot.maintenance
+        if robot.went:
+            self._note(robot, 0, now)
         self._fall_silent(name, robot, now)
 
     def _fall_silent(self, name: str, robot: RobotModel, now: int) -> None:
@@ -213,8 +215,7 @@ class Model:
         robot = self.robots[name]
         if robot.presence == "up":
             return
-        if robot.presence == "silent" and robot.went:  # counted once it is back
-            self._note(robot, 0, now)
+        if robot.presence == "silent" and robot.went:
             self._note(robot, 1, now)
         robot.went = False
         robot.presence = "up"
@@ -491,7 +492,7 @@ class Model:
         update(
             key_of("robot", "flapping", robot=name),
             robot.flapping_since,
-            robot.flapping,
+            robot.flapping and now >= robot.flapping_since + confirm,
             well=not robot.flapping,
         )
         returned = settled and now >= robot.returned_until and not comes_and_goes

@@ -188,7 +188,8 @@ class Book:
     def confirm_after(self, problem: Problem) -> float:
         """Seconds for which a problem has to last until it is a fault."""
         state, component, robot = problem.identity.state, problem.component, problem.robot
-        if state is State.FLAPPING or problem.capability is not None:
+        of_component = state is State.FLAPPING and component is not None
+        if of_component or problem.capability is not None:
             return 0.0
         if state is State.PENDING:
             return self.settings.pending_after
@@ -207,7 +208,8 @@ class Book:
         """
         if problem.identity.state is State.MANY and problem.robot is not None:
             return any(each.settings.depends_on for each in problem.robot.components.values())
-        robots = [problem.robot] if problem.robot and problem.identity.state is State.SILENT else []
+        is_presence = problem.identity.state in (State.SILENT, State.FLAPPING)
+        robots = [problem.robot] if problem.robot and is_presence else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]
         return any(robot.settings.uplink in self.robots for robot in robots)

@@ -30,7 +30,9 @@ def fall_silent(
     if robot.presence is Presence.SILENT:
         book.write(problem)
         return
-    robot.went = now.mono if robot.up and counts and not robot.maintenance else None
+    robot.calm = None
+    if robot.up and counts and not robot.maintenance:
+        _note_absence(book, robot, now)
     problem.clock = now.mono
     book.give_verdict(problem, Verdict.ABSENT)
     for state in (State.PENDING, State.CLOCK):
@@ -147,23 +149,31 @@ def _note_presence(book: Book, robot: RobotRecord, now: Instant) -> None:
     book.write(robot)
 
 
-def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Count a robot's silence and its return as two changes, unless something larger explains it.
+def _note_absence(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Count that a robot went; what there was before is kept until it is back."""
+    history = robot.history or FlapHistory([_UP] * SLOTS, now.mono)
+    robot.calm = FlapHistory(history.slots, history.last)
+    robot.history = history
+    history.change(_DOWN, now.mono, robot.settings.presence_interval)
+    _judge_flapping(book, robot, history, now)
 
-    Both are counted now, because only now it is clear what else fell silent with it.
+
+def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Count that a robot came back, or neither that nor that it went: what is larger explains both.
+
+    Only now it is clear what else fell silent with it.
     """
-    went, robot.went = robot.went, None
+    calm, robot.calm = robot.calm, None
     silence = robot.problems.get(State.SILENT)
-    if went is None or silence is None or robot.maintenance:
+    if calm is None or silence is None or robot.history is None:
         return
     edge = suppression.explanation(book, silence, now)
     is_larger = edge is not None and edge.reason is not Reason.ROBOT_FLAPPING
     if is_larger or robot.explained_until > now.mono:
-        return
-    if robot.history is None:
-        robot.history = FlapHistory([_UP] * SLOTS, now.mono)
-    for state in (_DOWN, _UP):
-        robot.history.change(state, now.mono, robot.settings.presence_interval)
+        robot.history = calm
+        calm.decay(now.mono, robot.settings.presence_interval)
+    elif not robot.maintenance:
+        robot.history.change(_UP, now.mono, robot.settings.presence_interval)
     _judge_flapping(book, robot, robot.history, now)
 
 

@@ -37,11 +37,11 @@ MISTAKES = {
         "components.py",
         """\
             if state is not State.FLAPPING:
-                give_verdict(book, problem, Verdict.NO_DATA)
+                book.give_verdict(problem, Verdict.NO_DATA)
 """,
         """\
             if state is not State.FLAPPING:
-                give_verdict(book, problem, Verdict.HEALTHY)
+                book.give_verdict(problem, Verdict.HEALTHY)
 """,
         "a service is CRITICAL before its host is down",
     ),
