@@ -91,7 +91,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "profile": "default",
         "maintenance": False,
         "maintenance_until": None,
-        "work": "",
+        "capabilities_text": "",
         "downtimes": [],
         "problems": [],
         "capabilities": [],

@@ -8,7 +8,7 @@ from math import isfinite
 from operator import itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ABILITIES, ComponentName, Reason
+from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentName, Reason
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.texts import escape
 
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
-STATES = {ability: number for number, ability in enumerate(ABILITIES)}
+STATES = {state: number for number, state in enumerate(CAPABILITY_STATES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -322,8 +322,8 @@ class RobotText:
         self._set(
             family,
             (
-                self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
-                for capability, each in self._state.abilities(self.robot).items()
+                self._one(family, STATES[each.state], f',capability="{escape(capability)}"')
+                for capability, each in self._state.capabilities(self.robot).items()
             ),
         )
 

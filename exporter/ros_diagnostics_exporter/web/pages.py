@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.event_texts import event_text, notified_text
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
-    OF_ABILITY,
+    OF_CAPABILITY_STATE,
     SEVERITIES,
     ShownProblem,
     as_planned,
@@ -316,7 +316,7 @@ def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
     found = [
         _Capability(state, each["capability"], text, [part_path(part) for part in each["parts"]])
         for each in robot["capabilities"]
-        for state, text in [OF_ABILITY[each["state"]]]
+        for state, text in [OF_CAPABILITY_STATE[each["state"]]]
     ]
     return sorted(found, key=lambda each: -SEVERITIES[each.state])
 
@@ -324,7 +324,7 @@ def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
 def _of_fleet(fleet: dict[str, Any]) -> list[_Capability]:
     found = []
     for each in fleet["capabilities"]:
-        (state, text), robots = OF_ABILITY[each["state"]], each["robots"]
+        (state, text), robots = OF_CAPABILITY_STATE[each["state"]], each["robots"]
         can = f"{robots['ok'] + robots['degraded']} of {sum(robots.values())} robots can"
         others = [f"{robots[key]} {key}" for key in ("lost", "unknown") if robots[key]]
         others += [f"{robots['maintenance']} in maintenance"] if robots["maintenance"] else []
