@@ -52,7 +52,7 @@ def forget(book: Book, robot: str, now: Instant) -> None:
 
 
 def describe(book: Book, fault: Fault, message: str) -> None:
-    """Fix the message that ended a fault."""
+    """Keep the message that ended a fault, for those who read its end."""
     ended = book.ended.get(fault.identity)
     if ended is not None:
         ended.end = ended.end._replace(message=message)

@@ -332,7 +332,7 @@ class Faults:
         return changes + judge.settle(self._book, now)
 
     def describe_end(self, fault: Fault, message: str) -> None:
-        """Fix the message that ended a fault, once."""
+        """Keep the message that ended a fault, for those who read its end."""
         ends.describe(self._book, fault, message)
 
     def forget(self, robot: str, now: Instant) -> None:

@@ -208,7 +208,7 @@ class Problem(Subject):
 class ComponentRecord(Subject):
     """A component that is or was in trouble.
 
-    ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
+    ``level`` is the latest, STALE while its robot is silent; ``since`` when its trouble began;
     ``counted`` whether it counts towards a common cause until it is received better.
     """
 

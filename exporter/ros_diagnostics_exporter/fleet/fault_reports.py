@@ -176,7 +176,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
-            reports.robot.marks.note(Mark.ACCOUNT)  # what the former engine followed is gone
+            reports.robot.marks.note(Mark.DETAILS)  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
         return dropped
@@ -206,7 +206,7 @@ class FaultReports:
             self._events.append(_event(what, described, at, end))
         for name in self.engine.take_followed():
             if name in self._robots:
-                self._robots[name].robot.marks.note(Mark.ACCOUNT)
+                self._robots[name].robot.marks.note(Mark.DETAILS)
 
     def _evidence(self, identity: Identity) -> Evidence:
         if identity.scope is Scope.EXPORTER and identity.component in self._own:

@@ -111,7 +111,7 @@ class RobotText:
             self._render_presence()
         if at[Mark.REJECTED] > read:
             self._render_rejections()
-        if max(named, at[Mark.LEVEL], at[Mark.ACCOUNT]) > read:
+        if max(named, at[Mark.LEVEL], at[Mark.DETAILS]) > read:
             self._render_levels()
         if at[Mark.GROUPS] > read:
             self._render_groups()
@@ -311,7 +311,7 @@ class RobotText:
         self._set(
             metrics.COMPONENT_MESSAGE,
             (
-                f'{name}{labels},message="{escape(component.account[:length])}"}} 1\n'
+                f'{name}{labels},message="{escape(component.trouble_text[:length])}"}} 1\n'
                 for component, labels in shown
                 if component.level != Level.OK
             ),

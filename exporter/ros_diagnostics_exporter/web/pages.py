@@ -110,14 +110,14 @@ def robot_page(
     fleet: dict[str, Any],
     name: str,
     events: Iterable[dict[str, Any]],
-    ledger: Iterable[dict[str, Any]] = (),
+    history: Iterable[dict[str, Any]] = (),
     sentences: Iterable[dict[str, str]] = (),
     *,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
+    ``history`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
     ``acting`` it has forms.
 
     All texts in it are escaped.
@@ -139,7 +139,7 @@ def robot_page(
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
-        ledger=list(ledger)[-EVENTS:],
+        history=list(history)[-EVENTS:],
         paragraphs=[
             [each["text"] for each in of_one]
             for _about, of_one in groupby(sentences, key=itemgetter("about"))
