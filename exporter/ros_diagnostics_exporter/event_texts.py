@@ -1,4 +1,4 @@
-"""Events in sentences: what the ledger, the pages and `ros-diagnostics history` say of one."""
+"""Events in sentences: what the history, the pages and `ros-diagnostics history` say of one."""
 
 from __future__ import annotations
 

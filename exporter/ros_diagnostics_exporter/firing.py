@@ -35,7 +35,10 @@ def _one(alert: Alert, fleet: str, exporter: str) -> Fault | None:
         return None
     own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
     lines = (clean(each, EVIDENCE_LENGTH) for each in notes.get("evidence", "").split("\n"))
-    known = "\n".join(lines)[:EVIDENCE_LENGTH], clean(notes.get("work", ""), EVIDENCE_LENGTH)
+    known = (
+        "\n".join(lines)[:EVIDENCE_LENGTH],
+        clean(notes.get("capabilities", ""), EVIDENCE_LENGTH),
+    )
     labels_of_robot = MappingProxyType(own if identity.robot else {})
     return Fault(identity, since, alert.starts_at, labels_of_robot, *known)
 

@@ -4,8 +4,8 @@ A request has one time limit, from connecting to the last byte of the answer, wh
 does in between. A redirect is an error: the text of an error may be shown to anybody, and would
 say which ports of other hosts are open.
 
-Used by the commands, and by the exporter for Alertmanager. A Nagios check is a new process every
-time, so every import here is paid at every check.
+Used by the commands, and by the exporter for Alertmanager and Prometheus. A Nagios check is a new
+process every time, so every import here is paid at every check.
 """
 
 from __future__ import annotations

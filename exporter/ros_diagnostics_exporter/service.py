@@ -17,7 +17,7 @@ from typing import Any
 
 from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
-from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api import fault_history, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.api.week import Counting
@@ -372,11 +372,11 @@ class Service:
     def why(
         self, robot: str, component: str | None, at: float | None, *, ask: bool = True
     ) -> dict[str, Any]:
-        """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
+        """The history of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
         fleet, now = self.state.fleet.name, read_clocks()
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        found = ledger.account(
+        found = fault_history.fault_history(
             self._find, known, component, now.wall if at is None else at, now.wall
         )
         answer = explained(self.alertmanager, fleet, robot, component) if ask else []

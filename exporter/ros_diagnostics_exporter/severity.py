@@ -71,7 +71,7 @@ _OF_CAPABILITY = {
     "degraded": "is degraded",
     "lost": "is lost",
 }
-OF_ABILITY = {  # of a capability, as the API has it -> state with the same colour, words
+OF_CAPABILITY_STATE = {  # of a capability, as the API has it -> state with the same colour, words
     "ok": ("OK", ""),
     "no_reserve": ("WARNING", "no reserve"),
     "degraded": ("WARNING", "degraded"),

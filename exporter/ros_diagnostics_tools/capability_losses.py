@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.faults.model import Ability, PartName
+from ros_diagnostics_exporter.faults.model import CapabilityState, PartName
 from ros_diagnostics_exporter.faults.needs import (
     FINE,
     MISSING,
@@ -40,7 +40,7 @@ class Known:
     """Expressions in their order, and how good their parts are, without those in maintenance."""
 
     wanted: tuple[WantedCapability, ...]
-    abilities: Mapping[PartName, Ability]
+    states: Mapping[PartName, CapabilityState]
     maintained: frozenset[PartName]
 
     @classmethod
@@ -50,19 +50,19 @@ class Known:
         Raises:
             KeyError, TypeError: It is not what an exporter of this version serves.
         """
-        abilities: dict[PartName, Ability] = {}
+        states: dict[PartName, CapabilityState] = {}
         maintained: set[PartName] = set()
 
         def read(need: Mapping[str, Any]) -> Need:
             if "of" in need:
-                degraded = Ability[need["degraded"].upper()]
+                degraded = CapabilityState[need["degraded"].upper()]
                 return AtLeast(need["k"], tuple(map(read, need["of"])), degraded)
             if "capability" in need:
                 return Other(need["capability"])
             if "part" not in need:
                 return MISSING
             part = PartName(**{key: need["part"][key] for key in PartName._fields})
-            abilities[part] = Ability[need["part"]["state"].upper()]
+            states[part] = CapabilityState[need["part"]["state"].upper()]
             if need["part"]["maintenance"]:
                 maintained.add(part)
             return part
@@ -71,7 +71,7 @@ class Known:
             WantedCapability(each["capability"], read(each["need"]), each["needed"])
             for each in capabilities
         )
-        return cls(wanted, abilities, frozenset(maintained))
+        return cls(wanted, states, frozenset(maintained))
 
 
 def find_losses(known: Known) -> list[Loss]:
@@ -81,13 +81,13 @@ def find_losses(known: Known) -> list[Loss]:
     for each in known.wanted:
         resting[each.name] = frozenset(parts_of(each.need, resting))
     found = []
-    for part, ability in known.abilities.items():
+    for part, state in known.states.items():
         concerned = [each for each in known.wanted if part in resting[each.name]]
         lost = _judged(known, (concerned, part), now)
         single = _judged(known, (concerned, part), fine, all_work=True)
         loss = Loss(
             part,
-            [] if ability is Ability.LOST else _worse(concerned, now, lost),
+            [] if state is CapabilityState.LOST else _worse(concerned, now, lost),
             _worse(concerned, fine, single),
         )
         if loss.now or loss.single:
@@ -108,10 +108,10 @@ def _judged(
         if isinstance(part, Other):
             return found[part.name]
         if failed is not None and part == failed[1]:
-            return _standing(part, Ability.LOST)
+            return _standing(part, CapabilityState.LOST)
         if all_work:
             return FINE
-        return None if part in known.maintained else _standing(part, known.abilities[part])
+        return None if part in known.maintained else _standing(part, known.states[part])
 
     found = dict(before)
     for each in known.wanted if failed is None else failed[0]:
@@ -122,8 +122,8 @@ def _judged(
     return found
 
 
-def _standing(part: PartName, ability: Ability) -> Standing:
-    return FINE if ability is Ability.OK else Standing(ability, {part: Bad(ability, 0.0)})
+def _standing(part: PartName, state: CapabilityState) -> Standing:
+    return FINE if state is CapabilityState.OK else Standing(state, {part: Bad(state, 0.0)})
 
 
 def _worse(
@@ -140,4 +140,4 @@ def _worse(
 
 
 def _is_lost(standing: Standing | None) -> bool:
-    return standing is not None and standing.ability is Ability.LOST
+    return standing is not None and standing.state is CapabilityState.LOST

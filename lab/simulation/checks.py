@@ -9,8 +9,8 @@ from typing import Any
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_tools.backtest.ledger import identity
-from simulation.abilities import Abilities
 from simulation.can import leaves_of_all
+from simulation.capabilities import Capabilities
 from simulation.larger import LargerCauses
 from simulation.mails import Mails
 from simulation.story import COMPONENTS, DAY, ERROR, OK, PERIOD, TICK, WARN, Story
@@ -52,7 +52,7 @@ class Judge:
         self.mails = Mails()
         self.world.firing = self.mails.faults
         self._larger = LargerCauses(self.world)
-        self._abilities = Abilities(self.world)
+        self._capabilities = Capabilities(self.world)
         self.notified = 0
         self._faults: dict[tuple[str, ...], Event] = {}
         self._maintained: set[str] = set()
@@ -89,10 +89,10 @@ class Judge:
                     begun.append(event)
                 elif event.kind == "fault_ended":
                     self._ended(event)
-                    self._fail_first(self._abilities.ended(event))
+                    self._fail_first(self._capabilities.ended(event))
                     ended = True
             self._fail_first(self._larger.began(begun, self._faults))
-            self._fail_first(self._abilities.began(begun, self._faults))
+            self._fail_first(self._capabilities.began(begun, self._faults))
             self._limits()
             self._same_faults()
             self._maintained = {
@@ -106,7 +106,7 @@ class Judge:
             self._fail_first(self._larger.missing())
             own = self.world.own.missing(self._faults.values(), now.mono, world.started)
             self._fail_first(own)
-            self._fail_first(self._abilities.missing(self._faults))
+            self._fail_first(self._capabilities.missing(self._faults))
 
     def _fail_first(self, found: Iterator[tuple[str, object]]) -> None:
         for what, about in found:
@@ -372,7 +372,7 @@ class Judge:
             for each in known.parts.values()
         )
         explained = in_trouble > 3 or bad.get(name, 0) > 2
-        explained = explained or (self.story.able and name in leaves_of_all())  # see `abilities`
+        explained = explained or (self.story.able and name in leaves_of_all())  # see `capabilities`
         wanted = {WARN: "component warning", ERROR: "component critical"}[part.level]
         late = now - max(since, recent[-1] if recent else 0.0) > self.world.confirm_after + LATE
         if late and not explained and wanted not in found:

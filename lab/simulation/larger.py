@@ -173,7 +173,7 @@ class LargerCauses:
                       for each in known.parts.values()) <= 3  # fmt: skip
             if (
                 flaps
-                and not (world.story.able and name in leaves_of_all())  # see `abilities`
+                and not (world.story.able and name in leaves_of_all())  # see `capabilities`
                 and alone
                 and few
                 and ("flapping", f"{known.name} {name}") not in self._standing

@@ -91,7 +91,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "profile": "default",
         "maintenance": False,
         "maintenance_until": None,
-        "work": "",
+        "capabilities_text": "",
         "downtimes": [],
         "problems": [],
         "capabilities": [],
@@ -158,7 +158,7 @@ def no_recording(fault: str, so_far: bool) -> bytes:
     raise LookupError(f"no recording of fault {fault!r}")
 
 
-def no_ledger(
+def no_fault_history(
     robot: str, component: str | None, at: float | None, *, ask: bool = True
 ) -> dict[str, Any]:
     times = {"time": 1_060.0, "at": 1_060.0 if at is None else at}
@@ -197,7 +197,7 @@ class FakeBackend:
     story: Callable[[str], dict[str, Any]] = no_story
     last_event: Callable[[], int] = lambda: 0
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
-    why: Callable[..., dict[str, Any]] = no_ledger
+    why: Callable[..., dict[str, Any]] = no_fault_history
     capabilities: Callable[[str | None], dict[str, Any]] = no_capabilities
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets

@@ -25,7 +25,7 @@ def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[
         "capabilities": [
             {
                 "capability": name,
-                "state": view.ability.name.lower(),
+                "state": view.state.name.lower(),
                 "needed": view.wanted.applies,
                 "need": _need(view.wanted.need, view),
             }
@@ -37,7 +37,7 @@ def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[
 def fleet_capabilities(state: FleetState) -> list[dict[str, Any]]:
     """What the fleet can do, with the number of robots by what they can."""
     return [
-        {"capability": name, "state": view.ability.name.lower(), "robots": robot_counts(view)}
+        {"capability": name, "state": view.state.name.lower(), "robots": robot_counts(view)}
         for name, view in state.needs(None).items()
     ]
 

@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.api.capabilities import fleet_capabilities
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.faults.model import (
-    AbilityView,
+    CapabilityView,
     ComponentName,
     Followed,
     Identity,
@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.faults.model import (
     as_texts,
     fault_id,
 )
-from ros_diagnostics_exporter.fleet.capabilities import work
+from ros_diagnostics_exporter.fleet.capabilities import capabilities_text
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -114,7 +114,7 @@ def fleet_snapshot(state: FleetState, now: Instant, care: Care = NOBODY) -> dict
                 "problems": problems.get(robot["robot"], []),
             }
             for robot in state.visit(
-                lambda robot: _robot(robot, state.followed(robot), state.abilities(robot))
+                lambda robot: _robot(robot, state.followed(robot), state.capabilities(robot))
             )
         ],
     }
@@ -164,7 +164,7 @@ def faults(state: FleetState, now: Instant, care: Care = NOBODY) -> dict[str, An
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
                 "details": dict(fault.details),
-                "work": fault.work,
+                "capabilities_text": fault.capabilities,
                 "labels": dict(fault.labels),
                 **care.of(_id(state.fleet, fault.identity), identity, fault.since),
             }
@@ -191,7 +191,7 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
         "healthy": view.healthy,
         "evidence": "" if fault is None else fault.evidence,
         "details": {} if fault is None else dict(fault.details),
-        "work": "" if fault is None else fault.work,
+        "capabilities_text": "" if fault is None else fault.capabilities,
         **(
             _NO_CARE if fault is None else care.of(_id(fleet, view.identity), identity, fault.since)
         ),
@@ -273,7 +273,7 @@ def _host(address: str | None) -> str:
 def _robot(
     robot: RobotState,
     followed: Mapping[ComponentName, Followed],
-    abilities: Mapping[str, AbilityView],
+    capabilities: Mapping[str, CapabilityView],
 ) -> dict[str, Any]:
     settings: Settings = robot.settings
     return {
@@ -288,8 +288,8 @@ def _robot(
         "topic": robot.topic or None,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
-        "work": work(abilities) if robot.up else "",
-        "capabilities": [_capability(name, each) for name, each in abilities.items()],
+        "capabilities_text": capabilities_text(capabilities) if robot.up else "",
+        "capabilities": [_capability(name, each) for name, each in capabilities.items()],
         "short_checks": list(_short_checks(robot)) if robot.up else [],
         "groups": [
             {"group": path, "level": Level(level).name, "message": message}
@@ -307,14 +307,13 @@ def _robot(
     }
 
 
-def _capability(name: str, view: AbilityView) -> dict[str, Any]:
+def _capability(name: str, view: CapabilityView) -> dict[str, Any]:
     """What a robot can do, and the parts that keep it from that."""
     return {
         "capability": name,
-        "state": view.ability.name.lower(),
+        "state": view.state.name.lower(),
         "parts": [
-            {**part._asdict(), "state": ability.name.lower()}
-            for part, ability in view.parts.items()
+            {**part._asdict(), "state": state.name.lower()} for part, state in view.parts.items()
         ],
     }
 
@@ -351,7 +350,7 @@ def _component(
         ),
         "planned_stale": planned,
         "suppressed_because": component.suppressed_because,
-        "message": component.message if component.held is None else component.account,
+        "message": component.message if component.held is None else component.trouble_text,
         "level_since": component.since,
         "changes": component.changes,
         "flap_ratio": 0.0 if followed is None else followed.flap_ratio,

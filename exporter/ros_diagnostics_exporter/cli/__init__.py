@@ -1,1 +1,1 @@
-"""The commands: the exporter itself, status, check_nagios and ack."""
+"""The command line of the exporter: its flags, and what starts and stops it."""

@@ -14,7 +14,7 @@ from math import inf
 from ros_diagnostics_exporter.faults import needs, suppression
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import (
-    Ability,
+    CapabilityState,
     ComponentName,
     Identity,
     PartName,
@@ -36,11 +36,15 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 FLEET_DELAY = 0.5  # seconds: what changes at once of many robots is judged together
 _STATES = {
-    State.NO_RESERVE: Ability.NO_RESERVE,
-    State.DEGRADED: Ability.DEGRADED,
-    State.LOST: Ability.LOST,
+    State.NO_RESERVE: CapabilityState.NO_RESERVE,
+    State.DEGRADED: CapabilityState.DEGRADED,
+    State.LOST: CapabilityState.LOST,
 }
-_OF_LEVEL = {Level.WARN: Ability.DEGRADED, Level.STALE: Ability.UNKNOWN, Level.ERROR: Ability.LOST}
+_OF_LEVEL = {
+    Level.WARN: CapabilityState.DEGRADED,
+    Level.STALE: CapabilityState.UNKNOWN,
+    Level.ERROR: CapabilityState.LOST,
+}
 _NO_TROUBLE = {State.INTERMITTENT, State.FALLING}  # of what it can do now
 _Outcomes = dict[str, "Standing | None"]
 
@@ -169,14 +173,14 @@ def _of_part(book: Book, robot: RobotRecord, part: PartName) -> Standing:
     """How good a part of a robot is, by the problems that it has."""
     worst = FINE
     for problem in _problems_of(robot, part):
-        ability = _ability(problem)
-        if ability is Ability.OK or ability < worst.ability:
+        state = _state_of_part(problem)
+        if state is CapabilityState.OK or state < worst.state:
             continue
         due = book.due(problem, as_part=True)
-        if ability == worst.ability:
+        if state == worst.state:
             due = min(due, worst.due)
-        absent = ability is Ability.UNKNOWN or problem.verdict is Verdict.ABSENT
-        worst = Standing(ability, {part: Bad(ability, due)}, due, absent)
+        absent = state is CapabilityState.UNKNOWN or problem.verdict is Verdict.ABSENT
+        worst = Standing(state, {part: Bad(state, due)}, due, absent)
     return worst
 
 
@@ -186,12 +190,12 @@ def _of_robot(book: Book, part: PartName, now: Instant) -> Standing:
     capability = None if robot is None else robot.capabilities.get(part.check)
     if robot is None or capability is None:
         return NOT_KNOWN
-    bad = Bad(capability.ability, capability.due)
+    bad = Bad(capability.state, capability.due)
     if not robot.up:
-        bad = Bad(Ability.UNKNOWN, _due_of_silence(book, robot, now))
-    elif capability.ability in (Ability.OK, Ability.NO_RESERVE):
+        bad = Bad(CapabilityState.UNKNOWN, _due_of_silence(book, robot, now))
+    elif capability.state in (CapabilityState.OK, CapabilityState.NO_RESERVE):
         return FINE
-    return Standing(bad.ability, {part: bad}, bad.due, absent=bad.ability is Ability.UNKNOWN)
+    return Standing(bad.state, {part: bad}, bad.due, absent=bad.state is CapabilityState.UNKNOWN)
 
 
 def _due_of_silence(book: Book, robot: RobotRecord, now: Instant) -> float:
@@ -218,21 +222,21 @@ def _problems_of(robot: RobotRecord, part: PartName) -> Iterable[Problem]:
     return [*stale, *(each for key, each in component.values.items() if key[0] == part.key)]
 
 
-def _ability(problem: Problem) -> Ability:
+def _state_of_part(problem: Problem) -> CapabilityState:
     """What a problem leaves of the part that has it."""
     state, verdict = problem.identity.state, problem.verdict
     if state in _NO_TROUBLE or verdict is Verdict.HEALTHY:
-        return Ability.OK
+        return CapabilityState.OK
     component = problem.component
     if state is State.FLAPPING and component is not None and component.flaps is not None:
         # One that changes all the time is as good as at its worst.
         levels = map(Level, set(component.flaps.slots))
-        return max(_OF_LEVEL.get(level, Ability.OK) for level in levels)
+        return max(_OF_LEVEL.get(level, CapabilityState.OK) for level in levels)
     if verdict is Verdict.NO_DATA or state is State.STALE:
-        return Ability.UNKNOWN
+        return CapabilityState.UNKNOWN
     if state is State.CRITICAL:
-        return Ability.LOST
-    return Ability.DEGRADED if verdict is Verdict.FAILING else Ability.UNKNOWN
+        return CapabilityState.LOST
+    return CapabilityState.DEGRADED if verdict is Verdict.FAILING else CapabilityState.UNKNOWN
 
 
 def _judge(
@@ -240,24 +244,24 @@ def _judge(
 ) -> None:
     """Take how good it is, and how good it is without what is in maintenance."""
     robot = capability.robot
-    if actual.ability is not capability.ability:
-        capability.ability = actual.ability
+    if actual.state is not capability.state:
+        capability.state = actual.state
         if robot is not None:
             book.followed[robot.name] = None
     capability.due = actual.due
     parts = {**in_use.parts, **actual.parts}
-    if actual.ability not in (Ability.OK, Ability.UNKNOWN):
-        capability.worst = min(in_use.ability, actual.ability)
+    if actual.state not in (CapabilityState.OK, CapabilityState.UNKNOWN):
+        capability.worst = min(in_use.state, actual.state)
         if parts != capability.parts:
             capability.parts = parts
             book.write(capability)
             if robot is not None:
                 book.touch(robot.all_problems())
-    for state, ability in _STATES.items():
-        verdict = _verdict_on(ability, actual, in_use)
+    for fault_state, state in _STATES.items():
+        verdict = _verdict_on(state, actual, in_use)
         if in_use.due == inf:  # something larger explains the silence of too many robots
             verdict = min(verdict, Verdict.NO_DATA)
-        _take_verdict(book, capability, state, (verdict, in_use.due), now)
+        _take_verdict(book, capability, fault_state, (verdict, in_use.due), now)
 
 
 def _take_verdict(
@@ -286,13 +290,13 @@ def _take_verdict(
     book.give_verdict(problem, verdict)
 
 
-def _verdict_on(ability: Ability, actual: Standing, in_use: Standing) -> Verdict:
+def _verdict_on(state: CapabilityState, actual: Standing, in_use: Standing) -> Verdict:
     """Whether it is just as good as this, by how good it is without what is in maintenance."""
-    if in_use.ability is ability:
+    if in_use.state is state:
         return Verdict.ABSENT if in_use.absent else Verdict.FAILING
     # One goes on under a worse, which is no recovery; that nothing is known is none, either.
-    is_known = actual.ability is not Ability.UNKNOWN
-    return Verdict.HEALTHY if is_known and actual.ability < ability else Verdict.NO_DATA
+    is_known = actual.state is not CapabilityState.UNKNOWN
+    return Verdict.HEALTHY if is_known and actual.state < state else Verdict.NO_DATA
 
 
 # -- asked -------------------------------------------------------------------------------------
@@ -308,17 +312,17 @@ def views(book: Book, records: Mapping[str, CapabilityRecord]) -> dict[str, Need
         parts = dict.fromkeys(needs.parts_of(capability.wanted.need, others))
         robot = capability.robot
         found[name] = NeedView(
-            capability.ability,
+            capability.state,
             capability.wanted,
-            {each: _known_ability(book, robot, each) for each in parts},
+            {each: _known_state(book, robot, each) for each in parts},
             frozenset(each for each in parts if is_maintained(book, robot, each)),
         )
     return found
 
 
-def _known_ability(book: Book, robot: RobotRecord | None, part: PartName) -> Ability:
+def _known_state(book: Book, robot: RobotRecord | None, part: PartName) -> CapabilityState:
     if robot is not None:
-        return _of_part(book, robot, part).ability if robot.up else Ability.UNKNOWN
+        return _of_part(book, robot, part).state if robot.up else CapabilityState.UNKNOWN
     owner = book.robots.get(part.robot)
     capability = None if owner is None else owner.capabilities.get(part.check)
-    return Ability.UNKNOWN if capability is None else capability.ability
+    return CapabilityState.UNKNOWN if capability is None else capability.state

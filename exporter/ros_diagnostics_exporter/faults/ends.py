@@ -28,7 +28,9 @@ def add(book: Book, fault: Fault, reason: Literal["recovered", "removed"], now: 
     """Note that a fault has ended."""
     drop(book, fault.identity)
     at = max(now.wall, fault.since)
-    end = End(replace(fault, evidence="", work="", details={}), fault.identity.robot, reason, at)
+    end = End(
+        replace(fault, evidence="", capabilities="", details={}), fault.identity.robot, reason, at
+    )
     book.ended[fault.identity] = Ended(end)
     book.written[row(fault.identity)] = None
     while len(book.ended) > MOST:
@@ -50,7 +52,7 @@ def forget(book: Book, robot: str, now: Instant) -> None:
 
 
 def describe(book: Book, fault: Fault, message: str) -> None:
-    """Fix the message that ended a fault."""
+    """Keep the message that ended a fault, for those who read its end."""
     ended = book.ended.get(fault.identity)
     if ended is not None:
         ended.end = ended.end._replace(message=message)

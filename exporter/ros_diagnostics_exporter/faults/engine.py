@@ -29,7 +29,7 @@ from ros_diagnostics_exporter.faults import (
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book, TimerKind
 from ros_diagnostics_exporter.faults.model import (
-    AbilityView,
+    CapabilityView,
     Change,
     ComponentName,
     ComponentReport,
@@ -310,14 +310,14 @@ class Faults:
         self,
         fault: Fault,
         evidence: str,
-        work: str = "",
+        capabilities: str = "",
         details: Mapping[str, Any] | None = None,
     ) -> Fault:
         """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters.
 
         Returns the fault with it.
         """
-        return judge.describe(self._book, fault, evidence, work, details or {})
+        return judge.describe(self._book, fault, evidence, capabilities, details or {})
 
     def adopt(self, fault: Fault, now: Instant) -> list[Change]:
         """Go on with a fault whose alert fires and which this process does not know.
@@ -332,7 +332,7 @@ class Faults:
         return changes + judge.settle(self._book, now)
 
     def describe_end(self, fault: Fault, message: str) -> None:
-        """Fix the message that ended a fault, once."""
+        """Keep the message that ended a fault, for those who read its end."""
         ends.describe(self._book, fault, message)
 
     def forget(self, robot: str, now: Instant) -> None:
@@ -403,12 +403,12 @@ class Faults:
             if (found := why_not_begin(book, problem, now)) and found.reason in _SUPPRESSED
         }
 
-    def abilities(self, robot: str) -> dict[str, AbilityView]:
+    def capabilities(self, robot: str) -> dict[str, CapabilityView]:
         """What a robot can do, each after those that it needs."""
         return {
-            name: AbilityView(
-                each.ability,
-                {part: bad.ability for part, bad in each.parts.items()} if each.problems else {},
+            name: CapabilityView(
+                each.state,
+                {part: bad.state for part, bad in each.parts.items()} if each.problems else {},
             )
             for name, each in self._robot(robot).capabilities.items()
         }

@@ -165,13 +165,13 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
 
 
 def describe(
-    book: Book, fault: Fault, evidence: str, work: str, details: Mapping[str, Any]
+    book: Book, fault: Fault, evidence: str, capabilities: str, details: Mapping[str, Any]
 ) -> Fault:
     """Fix a fault's evidence, for its life; the fault with it."""
     if fault.evidence:
         return fault
-    texts = evidence[:EVIDENCE_LENGTH], work[:EVIDENCE_LENGTH]
-    described = replace(fault, evidence=texts[0], work=texts[1], details=details)
+    texts = evidence[:EVIDENCE_LENGTH], capabilities[:EVIDENCE_LENGTH]
+    described = replace(fault, evidence=texts[0], capabilities=texts[1], details=details)
     problem = book.problems.get(fault.identity)
     if problem is not None and problem.fault is fault:  # it still lasts
         problem.fault = described

@@ -121,8 +121,8 @@ class Fault:
     `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
     a silent robot with its last message; of many, a site or a common cause when there were enough.
     ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about
-    it, ``work`` what the robot can no longer do, and what it still can; ``details`` is the evidence
-    as fields, JSON.
+    it, ``capabilities`` what the robot can no longer do, and what it still can; ``details`` is the
+    evidence as fields, JSON.
     """
 
     identity: Identity
@@ -130,7 +130,7 @@ class Fault:
     confirmed: float
     labels: Mapping[str, str]
     evidence: str = ""
-    work: str = ""
+    capabilities: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -247,7 +247,7 @@ EFFECTS: Mapping[EffectiveVerdict, Effect] = MappingProxyType(
 )
 
 
-class Ability(IntEnum):
+class CapabilityState(IntEnum):
     """Whether a robot can do something, the better first."""
 
     OK = 0
@@ -257,9 +257,9 @@ class Ability(IntEnum):
     LOST = 4
 
 
-ABILITIES = (  # as they are shown: what is not known last
-    *(Ability.OK, Ability.NO_RESERVE, Ability.DEGRADED),
-    *(Ability.LOST, Ability.UNKNOWN),
+CAPABILITY_STATES = (  # as they are shown: what is not known last
+    *(CapabilityState.OK, CapabilityState.NO_RESERVE, CapabilityState.DEGRADED),
+    *(CapabilityState.LOST, CapabilityState.UNKNOWN),
 )
 
 
@@ -276,11 +276,11 @@ class PartName(NamedTuple):
     robot: str = ""
 
 
-class AbilityView(NamedTuple):
+class CapabilityView(NamedTuple):
     """A capability as it is now, and the parts that keep it from being OK."""
 
-    ability: Ability
-    parts: Mapping[PartName, Ability]
+    state: CapabilityState
+    parts: Mapping[PartName, CapabilityState]
 
 
 class ValueReport(NamedTuple):

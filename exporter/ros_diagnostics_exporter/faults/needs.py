@@ -12,7 +12,7 @@ from math import inf
 from types import MappingProxyType
 from typing import NamedTuple
 
-from ros_diagnostics_exporter.faults.model import Ability, PartName
+from ros_diagnostics_exporter.faults.model import CapabilityState, PartName
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class AtLeast:
 
     k: int | None
     of: tuple[Need, ...]
-    degraded: Ability = Ability.DEGRADED
+    degraded: CapabilityState = CapabilityState.DEGRADED
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class WantedCapability(NamedTuple):
 class Bad(NamedTuple):
     """How bad a part is, and when (monotonic) it has been so for its confirm_after."""
 
-    ability: Ability
+    state: CapabilityState
     due: float
 
 
@@ -64,7 +64,7 @@ class Standing(NamedTuple):
     ``due`` (monotonic) is when these have been so for their confirm_after.
     """
 
-    ability: Ability
+    state: CapabilityState
     parts: Mapping[PartName, Bad] = MappingProxyType({})
     due: float = -inf
     absent: bool = False
@@ -76,14 +76,14 @@ class NeedView(NamedTuple):
     ``maintained`` are those of them that are in a planned downtime.
     """
 
-    ability: Ability
+    state: CapabilityState
     wanted: WantedCapability
-    parts: Mapping[PartName, Ability]
+    parts: Mapping[PartName, CapabilityState]
     maintained: frozenset[PartName]
 
 
-FINE = Standing(Ability.OK)
-NOT_KNOWN = Standing(Ability.UNKNOWN, absent=True)
+FINE = Standing(CapabilityState.OK)
+NOT_KNOWN = Standing(CapabilityState.UNKNOWN, absent=True)
 Look = Callable[[PartName | Other], "Standing | None"]
 
 
@@ -105,30 +105,30 @@ def outcome(need: Need, look: Look) -> Standing | None:
     if need.k is None:
         return _kth_best(len(found), found)
     k = min(need.k, len(found))
-    known = [each for each in found if each.parts or each.ability is not Ability.UNKNOWN]
+    known = [each for each in found if each.parts or each.state is not CapabilityState.UNKNOWN]
     return _kth_best(k, known if len(known) >= k else found)
 
 
-def _counted(standing: Standing, degraded: Ability) -> Standing:
+def _counted(standing: Standing, degraded: CapabilityState) -> Standing:
     """What is degraded, as what it counts as."""
-    if standing.ability is not Ability.DEGRADED:
+    if standing.state is not CapabilityState.DEGRADED:
         return standing
-    return FINE if degraded is Ability.OK else standing._replace(ability=degraded)
+    return FINE if degraded is CapabilityState.OK else standing._replace(state=degraded)
 
 
 def _kth_best(k: int, found: list[Standing]) -> Standing:
-    ability = sorted(each.ability for each in found)[k - 1]
-    unusable = [each for each in found if each.ability > Ability.DEGRADED]
-    if ability is Ability.OK and (not unusable or len(found) - len(unusable) > k):
+    state = sorted(each.state for each in found)[k - 1]
+    unusable = [each for each in found if each.state > CapabilityState.DEGRADED]
+    if state is CapabilityState.OK and (not unusable or len(found) - len(unusable) > k):
         return FINE
-    bad = [each for each in found if each.ability is not Ability.OK]
-    if ability is Ability.OK:
-        ability, dues = Ability.NO_RESERVE, sorted(each.due for each in unusable)
+    bad = [each for each in found if each.state is not CapabilityState.OK]
+    if state is CapabilityState.OK:
+        state, dues = CapabilityState.NO_RESERVE, sorted(each.due for each in unusable)
     else:
         # As many as it takes until the k-th best is not better.
-        dues = sorted(each.due for each in bad if each.ability >= ability)[: len(found) - k + 1]
+        dues = sorted(each.due for each in bad if each.state >= state)[: len(found) - k + 1]
     parts = {part: its for each in bad for part, its in each.parts.items()}
-    return Standing(ability, MappingProxyType(parts), dues[-1], any(each.absent for each in bad))
+    return Standing(state, MappingProxyType(parts), dues[-1], any(each.absent for each in bad))
 
 
 def parts_of(need: Need, others: Mapping[str, Iterable[PartName]]) -> Iterator[PartName]:

@@ -18,7 +18,7 @@ from operator import ne
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.model import (
     EFFECTS,
-    Ability,
+    CapabilityState,
     ComponentName,
     ComponentSettings,
     Effect,
@@ -208,7 +208,7 @@ class Problem(Subject):
 class ComponentRecord(Subject):
     """A component that is or was in trouble.
 
-    ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
+    ``level`` is the latest, STALE while its robot is silent; ``since`` when its trouble began;
     ``counted`` whether it counts towards a common cause until it is received better.
     """
 
@@ -405,7 +405,7 @@ class Cause:
 class CapabilityRecord(Subject):
     """Something that a robot can do, or (``robot`` None) the fleet, whose parts are robots.
 
-    ``wanted`` is None until it is configured. ``ability`` is how good it is, ``due`` (monotonic)
+    ``wanted`` is None until it is configured. ``state`` is how good it is, ``due`` (monotonic)
     when its parts have been so for their confirm_after. ``parts`` keep it from being OK, and
     ``worst`` is how bad it is, both as when last known. ``adopted``: it was a fault before the
     start, and its parts then are not known.
@@ -414,8 +414,8 @@ class CapabilityRecord(Subject):
     robot: RobotRecord | None
     name: str
     wanted: WantedCapability | None = None
-    ability: Ability = Ability.UNKNOWN
-    worst: Ability = Ability.UNKNOWN
+    state: CapabilityState = CapabilityState.UNKNOWN
+    worst: CapabilityState = CapabilityState.UNKNOWN
     due: float = -inf
     adopted: bool = False
     parts: dict[PartName, Bad] = field(default_factory=dict)

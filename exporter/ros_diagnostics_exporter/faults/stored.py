@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
-    Ability,
+    CapabilityState,
     PartName,
     Row,
     Verdict,
@@ -121,10 +121,10 @@ _Part = tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], M
 _PARTS = Kind(
     list[_Part],
     write=lambda parts, clock: [
-        (*part, int(bad.ability), bad.due + clock.offset) for part, bad in parts.items()
+        (*part, int(bad.state), bad.due + clock.offset) for part, bad in parts.items()
     ],
     read=lambda parts, clock: {
-        PartName(*part): Bad(Ability(ability), clock.mono(due)) for *part, ability, due in parts
+        PartName(*part): Bad(CapabilityState(state), clock.mono(due)) for *part, state, due in parts
     },
 )
 _DEPENDS_ON = Kind(
@@ -203,7 +203,7 @@ COMPONENT: Table = {
 }
 CAUSE: Table = {"active": _INSTANT, "adopted": Kind(bool)}
 CAPABILITY: Table = {
-    "worst": _enum(Ability, Annotated[int, Field(ge=0, le=4)]),
+    "worst": _enum(CapabilityState, Annotated[int, Field(ge=0, le=4)]),
     "parts": _PARTS,
     "adopted": Kind(bool, default=False),
     **_EXPLAINED,
@@ -213,7 +213,7 @@ _FAULT: Table = {
     "confirmed": Kind(Moment),
     "labels": _LABELS,
     "evidence": Kind(Text),
-    "work": Kind(Text, ""),
+    "capabilities": Kind(Text, ""),
     "details": Kind(
         Annotated[dict[Text, Any], Field(max_length=100)], {}, lambda each, _: dict(each)
     ),

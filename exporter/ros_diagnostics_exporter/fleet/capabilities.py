@@ -14,7 +14,12 @@ from ros_diagnostics_exporter.config.capabilities import (
 )
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
-from ros_diagnostics_exporter.faults.model import Ability, AbilityView, ComponentName, PartName
+from ros_diagnostics_exporter.faults.model import (
+    CapabilityState,
+    CapabilityView,
+    ComponentName,
+    PartName,
+)
 from ros_diagnostics_exporter.faults.needs import (
     MISSING,
     AtLeast,
@@ -105,7 +110,7 @@ def _resolved(need: config.Expression, profile: Profile, names: _Names) -> AtLea
             own = [MISSING]
         found.update(dict.fromkeys(own))
     lacking = 0 if need.k is None else max(0, need.k - len(found))
-    degraded = Ability[need.degraded.upper()]
+    degraded = CapabilityState[need.degraded.upper()]
     return AtLeast(need.k, (*found, *[MISSING] * lacking), degraded)
 
 
@@ -132,19 +137,19 @@ def _elements(need: config.Need, profile: Profile, names: _Names) -> Iterator[Ne
 # -- in words ----------------------------------------------------------------------------------
 
 _CLAUSES = (  # in the order of a sentence that begins with "The robot"
-    (Ability.LOST, "has lost", " and "),
-    (Ability.DEGRADED, "is degraded in", " and "),
-    (Ability.NO_RESERVE, "has no reserve for", " and "),
-    (Ability.UNKNOWN, "may not have", " or "),
-    (Ability.OK, "still has", " and "),
+    (CapabilityState.LOST, "has lost", " and "),
+    (CapabilityState.DEGRADED, "is degraded in", " and "),
+    (CapabilityState.NO_RESERVE, "has no reserve for", " and "),
+    (CapabilityState.UNKNOWN, "may not have", " or "),
+    (CapabilityState.OK, "still has", " and "),
 )
 
 
-def work(abilities: Mapping[str, AbilityView]) -> str:
+def capabilities_text(capabilities: Mapping[str, CapabilityView]) -> str:
     """Such as "has lost lifting, still has driving and charging"; "" where none are named."""
     clauses = []
-    for ability, words, joint in _CLAUSES:
-        names = [name for name, each in abilities.items() if each.ability is ability]
+    for state, words, joint in _CLAUSES:
+        names = [name for name, each in capabilities.items() if each.state is state]
         if names:
             clauses.append(f"{words} {joint.join(names)}")
     return ", ".join(clauses)
@@ -156,9 +161,9 @@ def work(abilities: Mapping[str, AbilityView]) -> str:
 _MOST_NAMED = 5  # robots
 _LENGTH = 512  # characters
 _WHY = {
-    Ability.LOST: "has lost",
-    Ability.DEGRADED: "is degraded in",
-    Ability.UNKNOWN: "may not have",
+    CapabilityState.LOST: "has lost",
+    CapabilityState.DEGRADED: "is degraded in",
+    CapabilityState.UNKNOWN: "may not have",
 }
 
 
@@ -178,7 +183,7 @@ def _of_robots(need: config.Expression, fleet: Fleet, robots: list[Settings]) ->
         found.update(dict.fromkeys(_robots_of(each, fleet, robots)))
     least = 1 if need.k is None else need.k
     missing = [MISSING] * max(0, least - len(found))
-    return AtLeast(need.k, (*found, *missing), Ability[need.degraded.upper()])
+    return AtLeast(need.k, (*found, *missing), CapabilityState[need.degraded.upper()])
 
 
 def _robots_of(need: config.Need, fleet: Fleet, robots: list[Settings]) -> Iterator[Need]:
@@ -196,8 +201,8 @@ def _robots_of(need: config.Need, fleet: Fleet, robots: list[Settings]) -> Itera
 def robot_counts(view: NeedView) -> dict[str, int]:
     """How many robots can (ok), and cannot: degraded, lost, unknown; or are in maintenance."""
     found = dict.fromkeys(("ok", "degraded", "lost", "unknown", "maintenance"), 0)
-    for part, ability in view.parts.items():
-        can = "ok" if ability is Ability.NO_RESERVE else ability.name.lower()
+    for part, state in view.parts.items():
+        can = "ok" if state is CapabilityState.NO_RESERVE else state.name.lower()
         found["maintenance" if part in view.maintained else can] += 1
     return found
 

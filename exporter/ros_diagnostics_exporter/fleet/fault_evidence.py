@@ -11,8 +11,8 @@ from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.faults.model import (
-    Ability,
-    AbilityView,
+    CapabilityState,
+    CapabilityView,
     ComponentName,
     Identity,
     PartName,
@@ -70,7 +70,7 @@ def of_exporter(message: str) -> Evidence:
     return Evidence(message[:LENGTH], {"message": message})
 
 
-def of_capability(view: AbilityView, known: Mapping[ComponentName, Component]) -> Evidence:
+def of_capability(view: CapabilityView, known: Mapping[ComponentName, Component]) -> Evidence:
     """The parts because of which a robot can do something no longer, or no longer well.
 
     Args:
@@ -80,12 +80,14 @@ def of_capability(view: AbilityView, known: Mapping[ComponentName, Component]) -
     return _written(_first("parts", (_part(*each, known) for each in view.parts.items())))
 
 
-def _part(part: PartName, ability: Ability, known: Mapping[ComponentName, Component]) -> Fields:
+def _part(
+    part: PartName, state: CapabilityState, known: Mapping[ComponentName, Component]
+) -> Fields:
     fields = {key: _text(text) for key, text in part._asdict().items() if text}
     component = known.get(ComponentName(part.group, part.component))
     if component is not None:
         fields |= {"level": Level(component.level).name, "message": _text(component.message)}
-    return {**fields, "state": ability.name.lower()}
+    return {**fields, "state": state.name.lower()}
 
 
 def last_received(identity: Identity, find: Find) -> str:

@@ -27,7 +27,11 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     as_texts,
 )
-from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence, wanted_of_fleet, work
+from ros_diagnostics_exporter.fleet.capabilities import (
+    capabilities_text,
+    fleet_evidence,
+    wanted_of_fleet,
+)
 from ros_diagnostics_exporter.fleet.fault_evidence import (
     Evidence,
     evidence,
@@ -172,7 +176,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
-            reports.robot.marks.note(Mark.ACCOUNT)  # what the former engine followed is gone
+            reports.robot.marks.note(Mark.DETAILS)  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
         return dropped
@@ -194,7 +198,7 @@ class FaultReports:
                 identity = fault.identity
                 known = Evidence(fault.evidence, {})
                 text, fields = known if fault.evidence else self._evidence(identity)
-                can = fault.work or self._work(identity)
+                can = fault.capabilities or self._capabilities_text(identity)
                 described = self.engine.describe(fault, text, can, fields)
             elif what == "recovered":
                 end = last_received(fault.identity, self._find)
@@ -202,7 +206,7 @@ class FaultReports:
             self._events.append(_event(what, described, at, end))
         for name in self.engine.take_followed():
             if name in self._robots:
-                self._robots[name].robot.marks.note(Mark.ACCOUNT)
+                self._robots[name].robot.marks.note(Mark.DETAILS)
 
     def _evidence(self, identity: Identity) -> Evidence:
         if identity.scope is Scope.EXPORTER and identity.component in self._own:
@@ -213,15 +217,15 @@ class FaultReports:
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
-        of = self.engine.abilities(identity.robot).get(identity.check)
+        of = self.engine.capabilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
-    def _work(self, identity: Identity) -> str:
+    def _capabilities_text(self, identity: Identity) -> str:
         """What the robot can no longer do; nothing of one that is silent."""
         reports = self._robots.get(identity.robot)
         if reports is None or not reports.robot.up:
             return ""
-        return work(self.engine.abilities(identity.robot))
+        return capabilities_text(self.engine.capabilities(identity.robot))
 
     def _find(self, identity: Identity) -> tuple[RobotState, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""

@@ -100,7 +100,7 @@ class RobotReports:
         self._capabilities = RobotCapabilities(robot)
         if profile.capabilities:
             changes += self._report_capabilities(faults, now)
-        elif faults.abilities(name):
+        elif faults.capabilities(name):
             changes += faults.configure_capabilities(name, (), now)
         expected = _expected(profile)
         for identity in list(faults.identities(name)):

@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
-    AbilityView,
+    CapabilityView,
     ComponentName,
     End,
     Fault,
@@ -428,9 +428,9 @@ class FleetState(WatchedFleet):
         """The components of a robot that is visited whose faults are due; another explains them."""
         return self._faults.suppressed_components(robot.settings.name)
 
-    def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
+    def capabilities(self, robot: RobotState) -> dict[str, CapabilityView]:
         """What a robot that is visited can do, each after those that it needs."""
-        return self._faults.engine.abilities(robot.settings.name)
+        return self._faults.engine.capabilities(robot.settings.name)
 
     def needs(self, robot: str | None) -> dict[str, NeedView]:
         """What a robot, or (None) the fleet, can do, with how good all its parts are.

@@ -8,7 +8,7 @@ from math import isfinite
 from operator import itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ABILITIES, ComponentName, Reason
+from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentName, Reason
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.texts import escape
 
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
-STATES = {ability: number for number, ability in enumerate(ABILITIES)}
+STATES = {state: number for number, state in enumerate(CAPABILITY_STATES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -111,7 +111,7 @@ class RobotText:
             self._render_presence()
         if at[Mark.REJECTED] > read:
             self._render_rejections()
-        if max(named, at[Mark.LEVEL], at[Mark.ACCOUNT]) > read:
+        if max(named, at[Mark.LEVEL], at[Mark.DETAILS]) > read:
             self._render_levels()
         if at[Mark.GROUPS] > read:
             self._render_groups()
@@ -311,7 +311,7 @@ class RobotText:
         self._set(
             metrics.COMPONENT_MESSAGE,
             (
-                f'{name}{labels},message="{escape(component.account[:length])}"}} 1\n'
+                f'{name}{labels},message="{escape(component.trouble_text[:length])}"}} 1\n'
                 for component, labels in shown
                 if component.level != Level.OK
             ),
@@ -322,8 +322,8 @@ class RobotText:
         self._set(
             family,
             (
-                self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
-                for capability, each in self._state.abilities(self.robot).items()
+                self._one(family, STATES[each.state], f',capability="{escape(capability)}"')
+                for capability, each in self._state.capabilities(self.robot).items()
             ),
         )
 

@@ -114,7 +114,7 @@ def _end(fleet: str, exporter: str, end: End) -> str:
 def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = _all_labels(fleet, exporter, fault)
     labels = label_pairs(identity)
-    known = {"evidence": fault.evidence, "work": fault.work}
+    known = {"evidence": fault.evidence, "capabilities": fault.capabilities}
     return _Lines(
         fault,
         labels,
@@ -282,7 +282,7 @@ class Exposition:
         states, robots = [], []
         for name, view in self._state.needs(None).items():
             labels = label_pairs({**own, "capability": name})
-            states.append(f"{{{labels}}} {STATES[view.ability]}")
+            states.append(f"{{{labels}}} {STATES[view.state]}")
             numbers = robot_counts(view)
             robots += [
                 f'{{{labels},state="{state}"}} {number}' for state, number in numbers.items()

@@ -335,7 +335,7 @@ FAULT_START = _family(
     "When the trouble of a fault began (Unix time), with what was known when it was confirmed, in "
     "lines of at most 512 characters together, and what the robot can no longer do; present from "
     "its confirmation to its end, after a restart from when it is confirmed anew.",
-    (*FAULT, "evidence", "work"),
+    (*FAULT, "evidence", "capabilities"),
     open=True,
     part=Part.FAULTS,
 )

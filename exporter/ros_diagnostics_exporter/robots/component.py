@@ -45,9 +45,9 @@ Identity = tuple[
 
 @marking(
     hardware_id=Mark.SERIES,
-    suppressed_because=Mark.ACCOUNT,
-    resumes=Mark.ACCOUNT,
-    stale_at_source=Mark.ACCOUNT,
+    suppressed_because=Mark.DETAILS,
+    resumes=Mark.DETAILS,
+    stale_at_source=Mark.DETAILS,
 )
 @dataclass(slots=True, eq=False, repr=False)
 class Component:
@@ -134,7 +134,7 @@ class Component:
 
     @property
     def ends_at(self) -> float:
-        """When trouble that is published only on a change is over, monotonic."""
+        """When trouble published only on a change is over; it waits while its robot is silent."""
         after = None if self.rule is None else self.rule.ends_after
         times = [each for each in (self.received, self.raw_received) if each is not None]
         if after is None or self.level == OK or not self.reports or not times:
@@ -147,7 +147,7 @@ class Component:
         return not self.is_stale or self.stale_at_source
 
     @property
-    def account(self) -> str:
+    def trouble_text(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
         if self.held is not None:
             return f"{self.message} (several nodes publish it, the worse counts)"
@@ -173,7 +173,7 @@ class Component:
             return
         self.message = message
         if self.level != OK:
-            self.marks.note(Mark.ACCOUNT)
+            self.marks.note(Mark.DETAILS)
 
     def set_reported(self, reported: int, now: Instant) -> bool:
         """Set the reported level; True if ``level`` changed."""

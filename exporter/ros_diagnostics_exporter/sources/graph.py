@@ -222,7 +222,7 @@ class GraphWatch:
                 yield name, robot.learned(now)._asdict()
 
     def restore(self, rows: Mapping[str, Any], now: Instant) -> None:
-        """Go on from these rows, each once its robot is seen."""
+        """Keep these rows until their robots are seen: each then goes on from its own."""
         self._restored_at = now.mono
         self._restored = {name: Learned(**fields) for name, fields in rows.items()}
 

@@ -57,7 +57,7 @@ ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` a
 
 log = logging.getLogger(__name__)
 
-_WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.ACCOUNT, Mark.CONFIG
+_WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.DETAILS, Mark.CONFIG
 _Key = tuple[int, int, int]
 
 

@@ -194,7 +194,7 @@ class Api:
         return _json({"expected": expected})
 
     async def why(self, request: Request) -> Response:
-        """The ledger of a robot's faults: why somebody was notified, or nobody."""
+        """The history of a robot's faults: why somebody was notified, or nobody."""
         _allow_only(request, "robot", "component", "at")
         query = request.query_params
         robot = query.get("robot")

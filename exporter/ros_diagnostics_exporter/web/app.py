@@ -182,11 +182,11 @@ def _robot_page(
 ) -> str | None:
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
-        ledger = backend.why(name, None, None, ask=False)["entries"]
+        history = backend.why(name, None, None, ask=False)["entries"]
         sentences = backend.story(name)["sentences"]
     except LookupError:
-        ledger = sentences = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, ledger, sentences, acting=acting)
+        history = sentences = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, history, sentences, acting=acting)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class Backend(Protocol):
     def why(
         self, robot: str, component: str | None, at: float | None, /, *, ask: bool = True
     ) -> dict[str, Any]:
-        """The ledger of a robot at a Unix time (None: now) as /api/v1/why returns it.
+        """The history of a robot at a Unix time (None: now) as /api/v1/why returns it.
 
         With ``ask`` Alertmanager is asked, which may take some seconds.
 

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.event_texts import event_text, notified_text
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
-    OF_ABILITY,
+    OF_CAPABILITY_STATE,
     SEVERITIES,
     ShownProblem,
     as_planned,
@@ -110,14 +110,14 @@ def robot_page(
     fleet: dict[str, Any],
     name: str,
     events: Iterable[dict[str, Any]],
-    ledger: Iterable[dict[str, Any]] = (),
+    history: Iterable[dict[str, Any]] = (),
     sentences: Iterable[dict[str, str]] = (),
     *,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
+    ``history`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
     ``acting`` it has forms.
 
     All texts in it are escaped.
@@ -139,7 +139,7 @@ def robot_page(
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
-        ledger=list(ledger)[-EVENTS:],
+        history=list(history)[-EVENTS:],
         paragraphs=[
             [each["text"] for each in of_one]
             for _about, of_one in groupby(sentences, key=itemgetter("about"))
@@ -316,7 +316,7 @@ def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
     found = [
         _Capability(state, each["capability"], text, [part_path(part) for part in each["parts"]])
         for each in robot["capabilities"]
-        for state, text in [OF_ABILITY[each["state"]]]
+        for state, text in [OF_CAPABILITY_STATE[each["state"]]]
     ]
     return sorted(found, key=lambda each: -SEVERITIES[each.state])
 
@@ -324,7 +324,7 @@ def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
 def _of_fleet(fleet: dict[str, Any]) -> list[_Capability]:
     found = []
     for each in fleet["capabilities"]:
-        (state, text), robots = OF_ABILITY[each["state"]], each["robots"]
+        (state, text), robots = OF_CAPABILITY_STATE[each["state"]], each["robots"]
         can = f"{robots['ok'] + robots['degraded']} of {sum(robots.values())} robots can"
         others = [f"{robots[key]} {key}" for key in ("lost", "unknown") if robots[key]]
         others += [f"{robots['maintenance']} in maintenance"] if robots["maintenance"] else []

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.severity import COLOURS, OF_ABILITY, part_path
+from ros_diagnostics_exporter.severity import COLOURS, OF_CAPABILITY_STATE, part_path
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.capability_losses import Known, Loss, find_losses
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -70,7 +70,7 @@ def _chip(state: str) -> Text:
     """The state of a capability or a part in words and its colour; "" for an expression."""
     if not state:
         return Text("")
-    like, words = OF_ABILITY[state]
+    like, words = OF_CAPABILITY_STATE[state]
     colour, on_it = COLOURS[like]
     return Text(f" {words.upper() or like} ", style=f"bold {on_it} on {colour}")
 

@@ -165,7 +165,7 @@ def test_a_mail_about_a_fault(received: Sent, name: str):
 
     assert " since 2026-01-12 03:04:" in lead
     urgency = {"critical": "UTC. Act now.", "warning": "next working hours.", "info": "UTC."}
-    work = texts.get("work", "")
+    work = texts.get("capabilities", "")
     assert lead.endswith(urgency[labels["severity"]] + (f" The robot {work}." if work else ""))
     for key in ("fleet", "robot", "component", "check", "key", "uplink"):
         assert labels.get(key, "") in lead

@@ -221,7 +221,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "profile": "default",
         "maintenance": False,
         "maintenance_until": None,
-        "work": "",
+        "capabilities_text": "",
         "downtimes": [],
         "capabilities": [],
         "short_checks": [],

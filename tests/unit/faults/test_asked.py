@@ -8,7 +8,13 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.model import Ability, Change, ComponentName, PartName, Row
+from ros_diagnostics_exporter.faults.model import (
+    CapabilityState,
+    Change,
+    ComponentName,
+    PartName,
+    Row,
+)
 from ros_diagnostics_exporter.faults.needs import AtLeast, Other, WantedCapability
 from ros_diagnostics_exporter.faults.stored import parse
 from ros_diagnostics_exporter.model import Instant
@@ -64,23 +70,29 @@ def test_how_good_all_parts_are_of_what_a_robot_and_the_fleet_can_do():
     last.go(0, configured(broken))
     last.go(5)
     needs = last.faults.needs("r1")
-    lidars = {UPPER: Ability.LOST, LOWER: Ability.OK}
-    assert {name: (each.ability, each.parts, each.maintained) for name, each in needs.items()} == {
-        "view": (Ability.NO_RESERVE, lidars, frozenset()),
-        "drive": (Ability.DEGRADED, {**lidars, MOTOR: Ability.DEGRADED}, {MOTOR}),
+    lidars = {UPPER: CapabilityState.LOST, LOWER: CapabilityState.OK}
+    assert {name: (each.state, each.parts, each.maintained) for name, each in needs.items()} == {
+        "view": (CapabilityState.NO_RESERVE, lidars, frozenset()),
+        "drive": (CapabilityState.DEGRADED, {**lidars, MOTOR: CapabilityState.DEGRADED}, {MOTOR}),
     }
     assert [each.wanted for each in needs.values()] == [VIEW, DRIVE]
     unknown = last.faults.needs("r4")["drive"]
-    assert {*unknown.parts.values()} == {Ability.UNKNOWN}
+    assert {*unknown.parts.values()} == {CapabilityState.UNKNOWN}
 
     fleet = last.faults.needs(None)
-    expected = (Ability.DEGRADED, Ability.LOST, Ability.OK, Ability.UNKNOWN, Ability.UNKNOWN)
+    expected = (
+        CapabilityState.DEGRADED,
+        CapabilityState.LOST,
+        CapabilityState.OK,
+        CapabilityState.UNKNOWN,
+        CapabilityState.UNKNOWN,
+    )
     for name, wanted in (("transport", TWO), ("production", ALL)):
         view = fleet[name]
         assert view.wanted is wanted
         assert view.parts == dict(zip(CAN.values(), expected, strict=True))
         assert view.maintained == {CAN["r3"]}
-    assert fleet["transport"].ability is last.faults.needs(None)["production"].ability
+    assert fleet["transport"].state is last.faults.needs(None)["production"].state
 
 
 def test_only_the_message_of_an_end_that_is_kept_is_fixed():

@@ -6,7 +6,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.model import Ability, Change, PartName
+from ros_diagnostics_exporter.faults.model import CapabilityState, Change, PartName
 from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast, Other, WantedCapability
 from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
@@ -324,7 +324,7 @@ def test_a_part_that_flaps_is_as_good_as_at_its_worst():
         (40, can(level(LOWER, OK)), f"recovered {LOST} view"),
         (400, None, f"recovered {SPARE} view"),
     )
-    assert last.faults.abilities("r1")["view"].ability is Ability.OK
+    assert last.faults.capabilities("r1")["view"].state is CapabilityState.OK
 
 
 def test_what_is_lost_explains_no_changes_of_what_is_no_part_of_it():
@@ -426,30 +426,31 @@ def test_a_condition_that_is_not_known_holds_and_one_that_does_not_hold_ends():
         (0, Can(lift._replace(applies=None))(level("lift", ERROR))),
         (10, None, "began component/critical r1 lift"),
     )
-    assert last.faults.abilities("r1")["lift"].ability is Ability.UNKNOWN
+    assert last.faults.capabilities("r1")["lift"].state is CapabilityState.UNKNOWN
 
 
 @pytest.mark.parametrize(
     ("need", "expected"),
     [
-        (AtLeast(None, (MISSING,)), Ability.UNKNOWN),
-        (AtLeast(None, (MISSING, part("lost"))), Ability.LOST),
-        (AtLeast(1, (MISSING, part("fine"))), Ability.OK),
-        (AtLeast(1, (MISSING, part("lost"))), Ability.LOST),
-        (AtLeast(2, (MISSING, part("fine"))), Ability.UNKNOWN),
-        (AtLeast(2, (part("fine"), part("bad"), part("lost"))), Ability.DEGRADED),
-        (AtLeast(2, (part("fine"), part("other"), part("lost"))), Ability.NO_RESERVE),
-        (AtLeast(1, (part("fine"), part("other"), part("lost"))), Ability.OK),
-        (AtLeast(1, (part("fine"), AtLeast(None, (MISSING,)))), Ability.OK),
+        (AtLeast(None, (MISSING,)), CapabilityState.UNKNOWN),
+        (AtLeast(None, (MISSING, part("lost"))), CapabilityState.LOST),
+        (AtLeast(1, (MISSING, part("fine"))), CapabilityState.OK),
+        (AtLeast(1, (MISSING, part("lost"))), CapabilityState.LOST),
+        (AtLeast(2, (MISSING, part("fine"))), CapabilityState.UNKNOWN),
+        (AtLeast(2, (part("fine"), part("bad"), part("lost"))), CapabilityState.DEGRADED),
+        (AtLeast(2, (part("fine"), part("other"), part("lost"))), CapabilityState.NO_RESERVE),
+        (AtLeast(1, (part("fine"), part("other"), part("lost"))), CapabilityState.OK),
+        (AtLeast(1, (part("fine"), AtLeast(None, (MISSING,)))), CapabilityState.OK),
         (AtLeast(None, (part("fine"), AtLeast(1, (part("other"), part("lost"))))),
-         Ability.NO_RESERVE),
-        (AtLeast(None, (part("bad"),), Ability.OK), Ability.OK),
-        (AtLeast(None, (part("bad"),), Ability.LOST), Ability.LOST),
-        (AtLeast(None, (part("bad"), AtLeast(1, (part("other"), part("lost")))), Ability.OK),
-         Ability.NO_RESERVE),
-        (AtLeast(None, (part("fine"), MISSING), Ability.LOST), Ability.UNKNOWN),
-        (AtLeast(1, (AtLeast(None, (part("bad"),), Ability.LOST), part("fine"))),
-         Ability.NO_RESERVE),
+         CapabilityState.NO_RESERVE),
+        (AtLeast(None, (part("bad"),), CapabilityState.OK), CapabilityState.OK),
+        (AtLeast(None, (part("bad"),), CapabilityState.LOST), CapabilityState.LOST),
+        (AtLeast(None, (part("bad"), AtLeast(1, (part("other"), part("lost")))),
+                 CapabilityState.OK),
+         CapabilityState.NO_RESERVE),
+        (AtLeast(None, (part("fine"), MISSING), CapabilityState.LOST), CapabilityState.UNKNOWN),
+        (AtLeast(1, (AtLeast(None, (part("bad"),), CapabilityState.LOST), part("fine"))),
+         CapabilityState.NO_RESERVE),
     ],
 )  # fmt: skip
 def test_an_expression_is_as_good_as_the_kth_best(need, expected):
@@ -461,4 +462,4 @@ def test_an_expression_is_as_good_as_the_kth_best(need, expected):
             ),
         )
     )
-    assert last.faults.abilities("r1")["it"].ability is expected
+    assert last.faults.capabilities("r1")["it"].state is expected

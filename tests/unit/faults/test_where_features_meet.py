@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.model import (
-    Ability,
+    CapabilityState,
     ComponentName,
     ComponentReport,
     ComponentSettings,
@@ -104,7 +104,7 @@ def test_a_value_is_not_known_while_its_component_is_stale():
     )
     last = play((0, lambda faults, now: faults.configure_capabilities("r1", [charge], now)))
     last.go(1, level("battery", STALE))
-    assert last.faults.abilities("r1")["driving"].ability is Ability.UNKNOWN
+    assert last.faults.capabilities("r1")["driving"].state is CapabilityState.UNKNOWN
 
 
 def test_robots_of_a_switch_that_is_away_four_times_do_not_flap():

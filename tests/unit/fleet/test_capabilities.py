@@ -126,7 +126,9 @@ def test_metrics_have_every_capability(driver):
 
 def test_the_fault_says_which_parts_and_what_still_works(driver):
     publish(driver, Status(ERROR, "Laser 1", "Blind"), Status(ERROR, "Lift", "Stuck"))
-    assert {each.identity.check: (each.evidence, each.work) for each in driver.state.faults()} == {
+    assert {
+        each.identity.check: (each.evidence, each.capabilities) for each in driver.state.faults()
+    } == {
         "drive": ("Laser 1 CRITICAL: Blind", WORK),
         "lift": ("Lift CRITICAL: Stuck", WORK),
     }
@@ -135,14 +137,14 @@ def test_the_fault_says_which_parts_and_what_still_works(driver):
 def test_a_fault_that_no_capability_explains_says_what_still_works(driver):
     publish(driver, Status(ERROR, "Battery", "Hot", "", (("Charge", "80"),)))
     (fault,) = driver.state.faults()
-    assert fault.work == "still has drive and lift and charge and view and tour and dock"
+    assert fault.capabilities == "still has drive and lift and charge and view and tour and dock"
 
 
 def test_nothing_is_known_of_a_silent_robot(driver):
     publish(driver, Status(ERROR, "Motor 1"))
     driver.at(driver.now.mono + 60)
     assert set(states(driver).values()) == {"unknown"}
-    assert {each.identity.state.value: each.work for each in driver.state.faults()} == {
+    assert {each.identity.state.value: each.capabilities for each in driver.state.faults()} == {
         "lost": "has lost drive and tour, still has lift and charge and view and dock",
         "silent": "",
     }
@@ -168,7 +170,7 @@ def test_without_capabilities_there_is_nothing_of_them():
     driver.raw_every(1, SETTLED, Status(ERROR, "Motor", "Hot"))
     assert [each.evidence for each in driver.state.faults()] == ["Hot"]
     (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
-    assert (robot["work"], robot["capabilities"]) == ("", [])
+    assert (robot["capabilities_text"], robot["capabilities"]) == ("", [])
     assert "capability_state" not in driver.samples()
 
 

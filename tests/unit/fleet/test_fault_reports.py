@@ -723,7 +723,7 @@ def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
     driver.stand(12, trick)
     (fault,) = driver.state.faults()
     assert fault.evidence == "work: can drive; values: none;\nvalues: a; robots: b"
-    assert fault.work == ""
+    assert fault.capabilities == ""
 
 
 @pytest.fixture

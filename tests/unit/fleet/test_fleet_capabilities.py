@@ -9,7 +9,7 @@ import pytest
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.faults.model import Ability, PartName
+from ros_diagnostics_exporter.faults.model import CapabilityState, PartName
 from ros_diagnostics_exporter.faults.needs import AtLeast, NeedView, WantedCapability
 from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence
 from ros_diagnostics_exporter.model import Status
@@ -133,7 +133,7 @@ def test_of_silent_robots_it_is_not_known(hall):
     ]
     hall.work(60, r3=None)
     (view,) = hall.state.needs(None).values()
-    assert view.ability.name == "UNKNOWN"
+    assert view.state.name == "UNKNOWN"
     hall.work(60, r4=None, r5=None)
     assert hall.changes == ["began no_reserve"]
     hall.work(60, **dict.fromkeys(IN_HALL, OK))
@@ -220,7 +220,7 @@ def test_one_capability_of_the_fleet_rests_on_another_and_on_expressions(tmp_pat
         "{can: lifting, robots: {site: yard}}]}]"
     )
     hall = Hall(tmp_path, least).work(40).work(30, r1=ERROR, r2=ERROR)
-    states = {name: view.ability.name for name, view in hall.state.needs(None).items()}
+    states = {name: view.state.name for name, view in hall.state.needs(None).items()}
     assert states == {"lifting at hall": "LOST", "deliveries": "LOST"}
 
 
@@ -244,9 +244,9 @@ def test_metrics_snapshot_and_page_say_how_many_robots_can(hall):
 
 @pytest.mark.parametrize(("number", "more"), [(5, []), (7, ["and 2 more"])])
 def test_the_evidence_names_five_robots_and_how_many_more(number, more):
-    parts = {PartName(robot=f"r{n}", check="lift"): Ability.LOST for n in range(number)}
+    parts = {PartName(robot=f"r{n}", check="lift"): CapabilityState.LOST for n in range(number)}
     need = WantedCapability("lifting", AtLeast(1, tuple(parts)))
-    text = fleet_evidence(NeedView(Ability.LOST, need, parts, frozenset()))
+    text = fleet_evidence(NeedView(CapabilityState.LOST, need, parts, frozenset()))
     named = [f"r{n} has lost lift" for n in range(5)]
     assert text.split(";\n") == [f"0 of {number} robots can", *named, *more]
 

@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
-from ros_diagnostics_exporter.faults.model import Ability
+from ros_diagnostics_exporter.faults.model import CapabilityState
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import STATES
@@ -290,7 +290,7 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
     own = {"fleet": "f", "exporter": "e"}
     samples = driver.samples()
     assert samples["fleet_capability_state"] == {
-        tuple(sorted({**own, "capability": "lifting"}.items())): STATES[Ability.DEGRADED]
+        tuple(sorted({**own, "capability": "lifting"}.items())): STATES[CapabilityState.DEGRADED]
     }
     counted = {"ok": 1, "degraded": 1, "lost": 1, "unknown": 1, "maintenance": 1}
     assert samples["fleet_capability_robots"] == {

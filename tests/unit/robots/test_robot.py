@@ -475,10 +475,10 @@ def test_what_the_ros_graph_shows_is_known_by_its_group():
 def test_a_component_that_reports_no_more_is_shown_with_what_it_reported_last():
     driver = StateDriver(stale_after=5.0)
     driver.raw(HOT, Status(ERROR, "Arm"))
-    accounts = [driver.component(name).account for name in ("Motor 1", "Arm")]
+    accounts = [driver.component(name).trouble_text for name in ("Motor 1", "Arm")]
     assert accounts == ["Hot", ""]
     driver.at(10)
-    accounts = [driver.component(name).account for name in ("Motor 1", "Arm")]
+    accounts = [driver.component(name).trouble_text for name in ("Motor 1", "Arm")]
     assert accounts == ["no longer reports; its last message: Hot", "no longer reports"]
 
 

@@ -111,14 +111,14 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(num
     nodes.stand(60, same, same._replace(level=ERROR, message="no data"))
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
     component = nodes.driver.component("lidar: Status")
-    assert component.account == "no data (several nodes publish it, the worse counts)"
+    assert component.trouble_text == "no data (several nodes publish it, the worse counts)"
     assert component.changes == 1
     assert nodes.driver.robot.rejected["duplicate_component"] > 50
     assert caplog.text.count("the worse counts") == 1
     nodes.stand(10, same, same)
     assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
     nodes.stand(100, same, None)
-    assert component.account == "scanning"
+    assert component.trouble_text == "scanning"
 
 
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():

@@ -172,7 +172,7 @@ def test_mail_has_fault_evidence_links_and_commands(render, part):
         {**CRITICAL, "site": "hall"},
         description="What it means.",
         evidence="over <current>;\nvalues: Current: 12 A",
-        work="cannot drive; values: none",
+        capabilities="cannot drive; values: none",
         since="2026-01-01 10:00:00.123 +0000 UTC",
     )
 
@@ -380,7 +380,7 @@ def view(**states: str) -> dict[str, Any]:
             {**VIEW, **OF_STATE[state], "state": state},
             end="" if status == "firing" else "recovered",
             evidence=f"evidence of {state}",
-            work="has no reserve for front view",
+            capabilities="has no reserve for front view",
         )["alerts"][0]
         for state, status in states.items()
     ]

@@ -89,7 +89,7 @@ def test_an_alert_queries_nothing_in_its_texts_and_blanks_only_what_differs_at_t
     assert {label for label, text in rule["labels"].items() if text == ""} <= {
         "evidence",
         "reason",
-        "work",
+        "capabilities",
     }
 
 

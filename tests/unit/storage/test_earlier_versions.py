@@ -44,7 +44,7 @@ MORE = {
         "flaps": {**SLOTS, "changed": [WALL + 1]},
         "explained_until": None,
     },
-    "problem": {"fault": {**FAULT, "work": "", "details": {"level": "ERROR"}}},
+    "problem": {"fault": {**FAULT, "capabilities": "", "details": {"level": "ERROR"}}},
 }
 IDENTITY = ["component", "critical", "", "r", "", "Motor", "", "", "", ""]
 FAULTS = [

@@ -23,7 +23,7 @@ def in_utc(monkeypatch):
     time.tzset()
 
 
-def test_the_ledger_is_printed_in_order_and_then_what_is_now(serve, capsys):
+def test_the_history_is_printed_in_order_and_then_what_is_now(serve, capsys):
     asked = []
     server = serve(why=lambda *given: asked.append(given) or LEDGER)
     url = f"http://{server.addresses[0]}"

@@ -359,7 +359,7 @@ def test_all_bodies_together_take_a_bounded_part_of_the_memory(serve, monkeypatc
         assert ask(server, "/api/v1/notifications", "POST", body=b"x" * 1_000).status == 200
 
 
-def test_why_is_the_backends_ledger(serve):
+def test_why_is_the_backends_history(serve):
     asked = []
 
     def why(*given):

@@ -484,8 +484,8 @@ def test_a_robots_page_has_its_facts_and_the_newest_of_what_happened(monkeypatch
     known = robot("r", planned, *texts, **SILENT, address="10.0.0.1", last_message=1_050.0)
     of = {"kind": "robot", "robot": "r", "after": "silent"}
     events = [{"id": number, "time": 1_000.0 - number, **of} for number in range(60)]
-    ledger = [{"time": 1_000.0, "text": f"step {number}."} for number in range(60)]
-    page = robot_page(fleet(known), "r", events, ledger) or ""
+    history = [{"time": 1_000.0, "text": f"step {number}."} for number in range(60)]
+    page = robot_page(fleet(known), "r", events, history) or ""
     monkeypatch.undo()
     time.tzset()
     text = read(page).text
@@ -607,13 +607,13 @@ def test_a_robots_page_has_its_components_problems_first_and_its_events():
     assert events.index("silent") < events.index("hot")
 
 
-def test_a_robots_page_has_who_takes_care_of_a_problem_and_the_ledger_of_its_faults():
+def test_a_robots_page_has_who_takes_care_of_a_problem_and_the_history_of_its_faults():
     taken = {"author": "ann", "comment": "<spare part>", "at": 1_000.0, "until": 9_000.0}
     entries = [{"time": 1_001.0, "text": "notification sent to <email>"}]
 
-    def page(problem: dict, ledger: list[dict]) -> str:
+    def page(problem: dict, history: list[dict]) -> str:
         of = fleet(robot("r", component("Motor 1", "ERROR"), problems=[problem]))
-        return robot_page(of, "r", [], ledger) or ""
+        return robot_page(of, "r", [], history) or ""
 
     shown = page(broken(notified={"email": 1_000.0}, acknowledged=taken), entries)
     assert "acknowledged by ann: &lt;spare part&gt;; notified 1 min ago: email</span>" in shown

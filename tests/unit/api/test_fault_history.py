@@ -1,4 +1,4 @@
-"""The ledger: which faults it is of, and what of the events belongs to it."""
+"""The history: which faults it is of, and what of the events belongs to it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.api.ledger import LATE, Window, account, entries, standings, window
+from ros_diagnostics_exporter.api.fault_history import (
+    LATE,
+    Window,
+    entries,
+    fault_history,
+    standings,
+    window,
+)
 from support.web_server import broken, downtime, problem, robot
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "group": "/M"}
@@ -100,7 +107,7 @@ def test_the_account_of_a_component_has_its_problems_and_the_events_around_its_f
         labels={"site": "hall"},
         problems=[broken(since=2_000.0, recording=recording), broken("Motor 2")],
     )
-    found = account(find, known, "Motor 1", 2_500.0, 2_600.0)
+    found = fault_history(find, known, "Motor 1", 2_500.0, 2_600.0)
 
     assert (found["component"], found["at"], found["time"]) == ("Motor 1", 2_500.0, 2_600.0)
     assert found["now"] == [
@@ -114,7 +121,7 @@ def test_the_account_of_a_component_has_its_problems_and_the_events_around_its_f
         {"robot": "r", **times, "limit": 1_000},
         {"robot": "", **times, "limit": 100},
     ]
-    assert len(account(find, known, None, 2_500.0, 2_600.0)["now"]) == 3
+    assert len(fault_history(find, known, None, 2_500.0, 2_600.0)["now"]) == 3
 
 
 def test_a_robots_texts_stay_on_their_line():

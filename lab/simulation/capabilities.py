@@ -42,7 +42,7 @@ def _level(known: Delivered, name: str) -> int:
     return _state(known.parts[name])
 
 
-class Abilities:
+class Capabilities:
     """Reads the faults after each tick and yields what is wrong: a text, and of what."""
 
     def __init__(self, world: World) -> None:

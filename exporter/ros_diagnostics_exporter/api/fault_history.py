@@ -1,4 +1,4 @@
-"""The ledger of a robot's faults: what happened in order, from leaving OK to the last notification.
+"""The history of a robot's faults: what happened in order, from leaving OK to notifications.
 
 Events are given as /api/v1/events returns them.
 """
@@ -28,7 +28,7 @@ Event = dict[str, Any]
 
 
 class Window(NamedTuple):
-    """The Unix times between which events belong to the ledger."""
+    """The Unix times between which events belong to the history."""
 
     since: float
     until: float
@@ -42,7 +42,7 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
     Args:
         began: The faults that began before, the newest first.
         ended: Those that ended, whenever.
-        at: Of what time the ledger is to be.
+        at: Of what time the history is to be.
     """
     ends = {_fault(each): each["time"] for each in ended}
     faults = [(each["since"], ends.get(_fault(each), float("inf"))) for each in began]
@@ -54,20 +54,20 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
     return Window(min(each[0] for each in lasting) - 1, max(each[1] for each in lasting) + LATE)
 
 
-def account(
+def fault_history(
     find: Callable[..., list[Event]],
     known: dict[str, Any],
     component: str | None,
     at: float,
     now: float,
 ) -> dict[str, Any]:
-    """The ledger of a robot, or of one component of it, and how its problems stand.
+    """The history of a robot, or of one component of it, and how its problems stand.
 
     Args:
         find: The events that match, newest first; its arguments are those of `Wanted`.
         known: The robot as `snapshot.robot_snapshot` has it.
         component: Only this component and the whole robot; None for all.
-        at: Of what Unix time the ledger is to be.
+        at: Of what Unix time the history is to be.
         now: The present.
     """
     robot = known["robot"]
