@@ -18,11 +18,13 @@ FILES = (
     "docs/kubernetes.md",
     "exporter/package.xml",
     "packaging/ansible/roles/ros_diagnostics_exporter/defaults/main.yml",
+    "packaging/chart/Chart.yaml",
     "packaging/kubernetes/base/exporter.yaml",
     "sim/pyproject.toml",
 )
 PLACE = re.compile(
-    r"((?:ros-diagnostics-exporter|virtual-robots)[:_]|<version>|newTag: |^version = .)"
+    r"((?:ros-diagnostics-exporter|virtual-robots)[:_]|<version>|newTag: |^version = .|"
+    r"^version: |^appVersion: )"
     r"\d+\.\d+\.\d+",
     re.MULTILINE,
 )

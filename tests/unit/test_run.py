@@ -421,6 +421,7 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
         "part mutate --report survivors.txt",
         "part test tests/unit/rules tests/unit/grafana",
         "part test tests/unit tests/integration .venv-python3.12",
+        "part test tests/unit/sources tests/integration/sources .venv-kilted",
     ]
     lines = [line for line in done.stderr.splitlines() if line.startswith("nightly: not run with")]
     assert [line.split()[5].rstrip(",") for line in lines] == ["3.10", "3.11", "3.13"]

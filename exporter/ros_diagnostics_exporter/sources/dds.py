@@ -11,6 +11,7 @@ import os
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from importlib import metadata
 from time import thread_time
 from typing import Any
 
@@ -26,6 +27,7 @@ from ros_diagnostics_exporter.sources.ros_environment import (
     MiddlewareMissingError,
     RosMissingError,
     check_middleware,
+    ros_distribution,
 )
 
 try:
@@ -84,10 +86,12 @@ def check_ros() -> None:
 
 
 def describe_ros() -> tuple[str, str]:
-    """(distribution, middleware) as the environment names them; "" where there is no ROS."""
+    """(distribution, middleware); "" where there is no ROS, or nothing names its distribution."""
     if _IMPORT_ERROR is not None:
         return "", ""
-    return os.environ.get("ROS_DISTRO", "jazzy"), rclpy.get_rmw_implementation_identifier()
+    packages = (each.metadata["Name"] or "" for each in metadata.distributions())
+    distribution = ros_distribution(os.environ, packages)
+    return distribution, rclpy.get_rmw_implementation_identifier()
 
 
 def decode(data: bytes) -> Array:

@@ -6,14 +6,16 @@ Knows no ROS, so that what is missing can be named before rclpy is imported.
 from __future__ import annotations
 
 import logging
+import re
 import sys
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Iterable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
 RMW_VARIABLE = "RMW_IMPLEMENTATION"
-PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-OWN_PROFILES = "DEFAULT_FASTRTPS_PROFILES.xml"
+# Fast DDS 3, which is Kilted's and later ones', and Fast DDS 2 each read the name of theirs only.
+PROFILES_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+PROFILES_FILES = ("DEFAULT_FASTDDS_PROFILES.xml", "DEFAULT_FASTRTPS_PROFILES.xml")
 
 log = logging.getLogger(__name__)
 
@@ -49,11 +51,25 @@ def use_profiles(environment: MutableMapping[str, str], folder: Path) -> None:
     To be called before a domain is joined: Fast DDS reads the file once, when it starts.
 
     Args:
-        environment: Of this process; the file's path is added.
+        environment: Of this process; the file's path is added, under the name of each Fast DDS.
         folder: The working directory, where Fast DDS looks for a file, too.
     """
-    if not environment.get(PROFILES_VARIABLE) and not (folder / OWN_PROFILES).exists():
-        environment[PROFILES_VARIABLE] = str(Path(__file__).with_name("fastdds.xml"))
+    named = next(filter(None, map(environment.get, PROFILES_VARIABLES)), None)
+    if named is None and any((folder / name).exists() for name in PROFILES_FILES):
+        return
+    for name in PROFILES_VARIABLES:
+        environment[name] = named or str(Path(__file__).with_name("fastdds.xml"))
+
+
+def ros_distribution(environment: Mapping[str, str], packages: Iterable[str]) -> str:
+    """The name of the ROS that is used, such as jazzy; "" where nothing says it.
+
+    Args:
+        environment: Of this process; a sourced ROS names itself.
+        packages: The names of the Python packages that are installed; wheels of ROS name theirs.
+    """
+    found = (re.fullmatch(r"ros-(\w+)-rclpy", name) for name in packages)
+    return environment.get("ROS_DISTRO") or next((each[1] for each in found if each), "")
 
 
 def use_log_folder(environment: MutableMapping[str, str]) -> TemporaryDirectory[str] | None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -32,7 +34,12 @@ def test_a_commit_is_built_twice_with_the_same_bytes(
         env = podman.environment(tmp_path)
         podman.import_debian(request.getfixturevalue("debian_base"), tmp_path, env)
     env |= {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}", "BASE": podman.DEBIAN}
-    command = [source / "packaging" / "release", "--twice", *["--image"] * IMAGE, tmp_path / "dist"]
+    command = [
+        source / "packaging" / "release",
+        "--twice",
+        *["--no-image"] * (not IMAGE),
+        tmp_path / "dist",
+    ]
     done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
 
     assert done.returncode == 0, done.stdout + done.stderr
@@ -46,13 +53,26 @@ def test_a_commit_is_built_twice_with_the_same_bytes(
         assert f"ros-diagnostics-exporter:{__version__}" in loaded
     assert {name.replace(__version__, "V") for name in built} == {
         "CHANGES-V.md",
+        "ros-diagnostics-dashboards-V.tar.gz",
         "ros-diagnostics-exporter-V.cdx.json",
+        "ros-diagnostics-exporter-V.tgz",
         "ros-diagnostics-exporter_V-1_amd64.deb",
+        "ros-diagnostics-mixin-V.tar.gz",
+        "ros-diagnostics-site-V.tar.gz",
         "ros_diagnostics_exporter-V-py3-none-any.whl",
         "ros_diagnostics_exporter-V.tar.gz",
         "ros_diagnostics_virtual_robots-V-py3-none-any.whl",
         "ros_diagnostics_virtual_robots-V.tar.gz",
     }
+    for name, files in {
+        "ros-diagnostics-exporter-V.tgz": {"Chart.yaml", "files/rules.json"},
+        "ros-diagnostics-mixin-V.tar.gz": {"mixin.libsonnet", "rules.json"},
+        "ros-diagnostics-dashboards-V.tar.gz": {"ros-diagnostics-fleet.json"},
+        "ros-diagnostics-site-V.tar.gz": {"index.html", "alerts/RosDiagnosticsRobotSilent.html"},
+    }.items():
+        archive = name.replace("V", __version__)
+        folder = archive.partition(f"-{__version__}")[0]
+        assert {f"{folder}/{each}" for each in files} <= regular_files(built[archive])
     assert b"not committed" not in b"".join(built.values())
     assert b"### Added" in built[f"CHANGES-{__version__}.md"]
     bill = json.loads(built[f"ros-diagnostics-exporter-{__version__}.cdx.json"])
@@ -60,3 +80,9 @@ def test_a_commit_is_built_twice_with_the_same_bytes(
     assert bill["metadata"]["component"]["name"] == "ros-diagnostics-exporter"
     named = {f"{each['name']}=={each['version']}" for each in bill["components"]}
     assert named == {line.split()[0] for line in lock.splitlines() if "==" in line}
+
+
+def regular_files(archive: bytes) -> set[str]:
+    with tarfile.open(fileobj=io.BytesIO(archive)) as opened:
+        assert all(each.isreg() or each.isdir() for each in opened)
+        return {each.name for each in opened if each.isreg()}

@@ -2,58 +2,20 @@
 
 from __future__ import annotations
 
-import runpy
-import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any
+from types import SimpleNamespace
 
 import pytest
 
+from support import launching
 from virtual_robots.aggregator import Aggregator, load_parameters
 
 LAUNCH_FILE = Path(__file__).parents[3] / "sim" / "ros_launch" / "real_aggregator.launch.py"
 
 
-# The keywords that the launch file uses, as launch and launch_ros of Jazzy document them:
-# a fake that accepts any keyword would not find one that the real class rejects.
-KEYWORDS = {
-    "LaunchDescription": set(),
-    "LaunchConfiguration": {"default"},
-    "DeclareLaunchArgument": {"default_value", "description", "choices"},
-    "OpaqueFunction": {"function", "args", "kwargs"},
-    "ExecuteProcess": {"cmd", "name", "output", "on_exit"},
-    "Node": {"package", "executable", "name", "namespace", "parameters", "remappings", "output"},
-}
-
-
-class Asked:
-    """Stands for any launch action: what it was made with."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        unknown = options.keys() - KEYWORDS[type(self).__name__]
-        assert not unknown, f"{type(self).__name__} takes no {unknown}"
-        self.arguments, self.options = arguments, options
-
-    def perform(self, context: dict[str, str]) -> str:
-        return context[self.arguments[0]]
-
-
 @pytest.fixture
 def launch_file(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    names = {
-        "launch": ("LaunchContext", "LaunchDescription"),
-        "launch.actions": ("DeclareLaunchArgument", "ExecuteProcess", "OpaqueFunction"),
-        "launch.substitutions": ("LaunchConfiguration",),
-        "launch_ros": (),
-        "launch_ros.actions": ("Node",),
-    }
-    for module_name, classes in names.items():
-        module = ModuleType(module_name)
-        for name in classes:
-            setattr(module, name, type(name, (Asked,), {}))
-        monkeypatch.setitem(sys.modules, module_name, module)
-    return SimpleNamespace(**runpy.run_path(str(LAUNCH_FILE)))
+    return launching.run(LAUNCH_FILE, monkeypatch)
 
 
 def test_each_robot_gets_a_real_aggregator_and_one_is_shown(launch_file: SimpleNamespace) -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.sources.ros_environment import (
+    ros_distribution,
     split_arguments,
     use_log_folder,
     use_profiles,
 )
 
-VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 
 @pytest.mark.parametrize(
@@ -28,27 +29,44 @@ def test_the_arguments_are_parted_at_ros_args(own, for_ros, more_own):
     assert split_arguments(own + for_ros + more_own) == (own + more_own, tuple(for_ros))
 
 
-def test_the_file_that_is_installed_is_used(tmp_path):
+def test_each_fast_dds_uses_the_file_that_is_installed(tmp_path):
     environment: dict[str, str] = {}
     use_profiles(environment, tmp_path)
 
-    text = Path(environment[VARIABLE]).read_text()
-    assert re.search("<allocated_samples>1<", text)
+    (path,) = {environment[name] for name in VARIABLES}
+    assert re.search("<allocated_samples>1<", Path(path).read_text())
 
 
-def test_a_file_that_the_user_names_stays(tmp_path):
-    environment = {VARIABLE: "/etc/dds.xml"}
+@pytest.mark.parametrize("name", VARIABLES)
+def test_a_file_that_the_user_names_is_used_by_each_fast_dds(tmp_path, name):
+    environment = {name: "/etc/dds.xml"}
     use_profiles(environment, tmp_path)
 
-    assert environment == {VARIABLE: "/etc/dds.xml"}
+    assert environment == dict.fromkeys(VARIABLES, "/etc/dds.xml")
 
 
-def test_the_user_s_file_in_the_working_directory_stays(tmp_path):
-    (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").touch()
+@pytest.mark.parametrize("name", ["DEFAULT_FASTDDS_PROFILES.xml", "DEFAULT_FASTRTPS_PROFILES.xml"])
+def test_the_user_s_file_in_the_working_directory_stays(tmp_path, name):
+    (tmp_path / name).touch()
     environment: dict[str, str] = {}
     use_profiles(environment, tmp_path)
 
     assert not environment
+
+
+@pytest.mark.parametrize(
+    ("environment", "packages", "distribution"),
+    [
+        ({}, ["rclpy", "ros-rclpy", "ros-kilted-rclpy"], "kilted"),
+        ({}, ["ros-jazzy-rclpy"], "jazzy"),
+        ({"ROS_DISTRO": "rolling"}, ["ros-jazzy-rclpy"], "rolling"),
+        ({}, ["rclpy"], ""),
+    ],
+)
+def test_the_distribution_of_ros_is_named_where_something_says_it(
+    environment, packages, distribution
+):
+    assert ros_distribution(environment, packages) == distribution
 
 
 def test_a_log_folder_that_can_be_made_is_left_to_ros(tmp_path):
