@@ -1,4 +1,4 @@
-"""The files of docs/server.md are where both servers look for them, and an upgrade replaces ours."""
+"""The files of docs/server.md are where the servers look, and an upgrade replaces ours."""
 
 from __future__ import annotations
 
@@ -26,16 +26,22 @@ def lines(text: str, *programs: str) -> str:
 
 def test_the_servers_find_their_files_and_an_upgrade_replaces_the_rules(tmp_path: Path):
     with newcomer(tmp_path) as person:
-        person.does("rm -rf /etc/prometheus /etc/alertmanager; mkdir -p /etc/prometheus /etc/default")
+        person.does("rm -rf /etc/prometheus /etc/alertmanager")
+        person.does("mkdir -p /etc/prometheus /etc/default")
         person.does(commands(person, "### 2. Copy the configuration"))
         person.does(commands(person, "### 3. Give each service its flags"))
         checks = lines(commands(person, "### 5. Check and start"), "promtool", "amtool")
         assert "7 rule files found" in person.does(checks)
-        for name, own in (("prometheus", "--config.file=/etc/prometheus/prometheus.yml"), ("alertmanager", "")):
-            service = "prometheus" if own else "prometheus-alertmanager"
-            folder = f"--storage.{'tsdb.' if own else ''}path={person.home}/{name}"
-            # As systemd does: the words of ARGS.
-            person.starts(name, f". /etc/default/{service}\nexec {service} {own} {folder} $ARGS")
+        # As systemd starts them: the words of ARGS.
+        for name, argv in (
+            (
+                "prometheus",
+                "prometheus --config.file=/etc/prometheus/prometheus.yml --storage.tsdb",
+            ),
+            ("prometheus-alertmanager", "prometheus-alertmanager --storage"),
+        ):
+            script = f". /etc/default/{name}\nexec {name} {argv}.path={person.home}/{name} $ARGS"
+            person.starts(name, script)
         person.until_output("curl -s localhost:9090/-/ready", "Ready")
         person.until_output("curl -s localhost:9093/-/ready", "OK")
         runbook = "localhost:9090/user/alerts/RosDiagnosticsRobotSilent.md"
