@@ -83,7 +83,8 @@ class Newcomer:
         (self.folder / "bin").mkdir()
         self._add_program("python3", str(Path(sys.executable).resolve()))
         found = shutil.which("alertmanager") or shutil.which("prometheus-alertmanager")
-        self._add_program("alertmanager", found or "alertmanager")
+        for name in ("alertmanager", "prometheus-alertmanager"):  # Debian calls it by the second
+            self._add_program(name, found or name)
         argv = ["unshare", *self._user, "--net", "--mount", "--", "sh", "-ec", START]
         self._holder = self._process("machine", [*argv, str(self.folder)])
         self._holder.wait_for_output("ready", 30)

@@ -14,6 +14,8 @@ from support.shipped_rules import ROOT
 from testbed import programs
 
 FLAGS = ("--rules.alert.resend-delay=30s", "--rules.alert.for-grace-period=1m")
+# Without it Debian's Prometheus opens the folder of the system's service, and panics.
+FOLDER = "--storage.tsdb.path=data"
 PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "prometheus").rglob("*.yml")]
 # Lines of a shell, those that are continued included.
 COMMAND = re.compile(r"^(?:#\s+)?prometheus --config\.file=(?:.*\\\n)*.*", re.MULTILINE)
@@ -26,7 +28,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_of_the_documentation_has_the_flags(command: str):
-    for flag in FLAGS:
+    for flag in (*FLAGS, FOLDER):
         assert flag in command
 
 
