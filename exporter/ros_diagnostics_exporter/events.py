@@ -18,7 +18,10 @@ KINDS = (
     *("level", "condition", "fault_began", "fault_ended"),
     *("notified", "acknowledged", "action", "robot", "graph", "config"),
 )
+# Of faults, and of what people did about them: no other event takes their place.
+OF_FAULTS = frozenset(("fault_began", "fault_ended", "notified", "acknowledged", "action"))
 MAX_EVENTS = 10_000  # events in memory; some 5 MB
+MAX_OF_FAULTS = 2_500  # older ones of faults, which count where there is no database
 BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
 MESSAGE = 4_096  # characters of a message in memory
 
@@ -109,26 +112,24 @@ class Wanted:
 Numbered = tuple[int, Event]  # the id of an event, and the event
 
 
-def _none_older(_wanted: Wanted) -> Iterable[Numbered]:
-    return ()
-
-
 class EventLog:
     """The events, newest first. Safe from any thread.
 
     Args:
         last: The id of the last event of an earlier process; 0 if there is none.
-        older: What finds the events that are no longer, or were never, in memory.
+        older: What finds the events that are no longer, or were never, in memory; None: nothing
+            does, and of older events those of faults are kept.
     """
 
     def __init__(
-        self, last: int = 0, older: Callable[[Wanted], Iterable[Numbered]] = _none_older
+        self, last: int = 0, older: Callable[[Wanted], Iterable[Numbered]] | None = None
     ) -> None:
         self._lock = threading.Lock()
         self._events: deque[Event] = deque()
         self._bytes = 0
         self._last = last
-        self._older = older
+        self._of_faults: deque[Numbered] = deque(maxlen=MAX_OF_FAULTS)
+        self._older = older or self._find_of_faults
 
     def record(self, event: Event) -> None:
         """Record the event; its message is truncated to 4,096 characters."""
@@ -139,7 +140,20 @@ class EventLog:
             self._last += 1
             self._bytes += _size(event)
             while len(self._events) > MAX_EVENTS or self._bytes > BYTES:
-                self._bytes -= _size(self._events.popleft())
+                self._drop_oldest()
+
+    def _drop_oldest(self) -> None:
+        number, dropped = self._last - len(self._events) + 1, self._events.popleft()
+        self._bytes -= _size(dropped)
+        if dropped.kind in OF_FAULTS:
+            self._of_faults.append((number, dropped))
+
+    def _find_of_faults(self, wanted: Wanted) -> Iterator[Numbered]:
+        with self._lock:
+            kept = list(self._of_faults)
+        for number, event in reversed(kept):
+            if (wanted.before is None or number < wanted.before) and wanted.matches(event):
+                yield number, event
 
     def after(self, number: int) -> list[Numbered]:
         """The events in memory whose id is above ``number``, oldest first."""

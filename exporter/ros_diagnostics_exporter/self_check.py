@@ -35,7 +35,7 @@ class SelfCheck:
 
     def reports(self, now: Instant) -> list[OwnReport]:
         """All parts as they are now; of what is wrong the message says on which host."""
-        parts = [*self._files(), *self._servers(now), *self._domains(), *self._loops(now)]
+        parts = [*self._files(now), *self._servers(now), *self._domains(), *self._loops(now)]
         parts += [self._unmatched(now), self._robots(now), self._series(), self._rejections(now)]
         return [
             each._replace(message=f"{each.message};\non host {self._host}")
@@ -44,7 +44,7 @@ class SelfCheck:
             for each in parts
         ]
 
-    def _files(self) -> Iterator[OwnReport]:
+    def _files(self, now: Instant) -> Iterator[OwnReport]:
         reloader, storage = self._exporter.reloader, self._exporter.storage
         why = "it could not be reloaded: the previous configuration is in force; the log says why"
         yield _warning("fleet.yml", why, is_wrong=not reloader.successful)
@@ -54,6 +54,8 @@ class SelfCheck:
             is_known = not storage.successful or storage.written_at >= self._started.wall
             is_wrong = storage.is_crowded or not storage.successful
             yield _warning("database", why, is_wrong=is_wrong, is_known=is_known)
+            early = storage.early.reason(now)
+            yield _warning("history", early, is_wrong=bool(early), confirm_after=0.0)
 
     def _servers(self, now: Instant) -> Iterator[OwnReport]:
         alertmanager, outcomes = self._exporter.alertmanager, self._exporter.outcomes()

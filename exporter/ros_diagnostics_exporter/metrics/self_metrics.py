@@ -260,6 +260,18 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
     ),
     (
         _family(
+            "exporter_events_deleted_early_total",
+            "counter",
+            "Events that were deleted for want of room before --storage.retention.time, by robot; "
+            "absent with --storage.path=none.",
+            (*EXPORTER, "robot"),
+        ),
+        lambda exporter: (
+            None if exporter.storage is None else _by_label(exporter.storage.early.counts)
+        ),
+    ),
+    (
+        _family(
             "exporter_loop_last_turn_timestamp_seconds",
             "gauge",
             "When the last turn of a loop that did not fail ended (Unix time); 0 = none yet.",

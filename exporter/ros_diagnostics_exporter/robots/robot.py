@@ -21,8 +21,9 @@ from ros_diagnostics_exporter.model import (
     Level,
     Status,
 )
-from ros_diagnostics_exporter.robots.component import OK, Component
+from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.level_events import LevelEvents
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.maintenance import (
     PlannedBy,
@@ -51,7 +52,6 @@ log = logging.getLogger(__name__)
 # Statuses of an array that are read, for each component that a robot may have: an aggregator lists
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
-_LEVEL_NAMES = tuple(level.name for level in Level)
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 _NO_PUBLISHER = Endpoint(0)
 
@@ -171,8 +171,9 @@ class RobotState:
         self._events = events
         self._auto = AutoSource()
         self._is_switched = False  # to the aggregate, by the array that is received
+        self._levels = LevelEvents(settings.name, events)
         self.components = Components(
-            settings.profile, limits, series, self.marks, self.reject, self._record_level
+            settings.profile, limits, series, self.marks, self.reject, self._levels.record
         )
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
@@ -316,6 +317,7 @@ class RobotState:
 
     def tick(self, now: Instant) -> None:
         """Let time pass: silence, late components."""
+        self._levels.tick(now)
         last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
@@ -327,7 +329,7 @@ class RobotState:
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
-        due = self.components.next_late
+        due = min(self.components.next_late, self._levels.next_tick)
         if self.up and self.last_mono is not None and not self._has_no_ros:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
@@ -341,7 +343,7 @@ class RobotState:
 
     def forget(self, component: Component, now: Instant) -> None:
         """Remove a component with all that is known about it."""
-        self._record_level(component, component.level, now, "forgotten")
+        self._levels.record(component, component.level, now, "forgotten")
         self.components.remove(component)
 
     def forget_absent_components(
@@ -412,25 +414,6 @@ class RobotState:
     def record(self, after: str, now: Instant) -> None:
         """Record an event of the whole robot."""
         self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
-
-    def _record_level(
-        self, component: Component, before: int, now: Instant, after: str = ""
-    ) -> None:
-        """Record that a level changed; the first one where it is trouble."""
-        if before < 0 and component.level == OK and not after:
-            return
-        self._events.append(
-            Event(
-                time=now.wall,
-                kind="level",
-                robot=self.settings.name,
-                group=component.group,
-                component=component.label,
-                before=_LEVEL_NAMES[before] if before >= 0 else "",
-                after=after or _LEVEL_NAMES[component.level],
-                message=component.message,
-            )
-        )
 
     # -- persistence -------------------------------------------------------------------------
 

@@ -22,12 +22,11 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from ros_diagnostics_exporter.events import Event, Wanted, filled
-from ros_diagnostics_exporter.storage.retention import LEAST
+from ros_diagnostics_exporter.events import OF_FAULTS, Event, Wanted, filled
+from ros_diagnostics_exporter.storage.pruning import Bounds, Pruned, Pruner
 from ros_diagnostics_exporter.storage.schema import (
     APPLICATION,
     INDEXES,
-    OF_FAULTS,
     TABLES_OF,
     VERSION,
     FaultOf,
@@ -149,6 +148,7 @@ class Database:
             path, timeout=BUSY, isolation_level=None, check_same_thread=False
         )
         self._connection.text_factory = _decode  # a damaged text is no reason to read no further
+        self._pruner = Pruner(self._connection)
         try:
             self._set_up()
         except BaseException:
@@ -257,17 +257,8 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> bool:
-        """Write what changed, and delete the oldest events.
-
-        Returns whether the database has room for more than `LEAST` events.
-
-        Args:
-            changes: What changed.
-            oldest: Unix time before which events go.
-            newest: Unix time now: a later event is of a clock that was wrong, and keeps none.
-            most: Bytes of the database above which the oldest events go.
-        """
+    def write(self, changes: Changes, bounds: Bounds) -> Pruned:
+        """Write what changed, and delete the events that are too old or too many."""
         with self._transaction():
             if changes.everything:
                 for table in ("robots", "seen", "faults"):
@@ -276,7 +267,7 @@ class Database:
             self._write_faults(changes.faults)
             written = self._write_events(changes.events)
             # So that they go faster than they come.
-            return self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
+            return self._pruner.prune(1000 + 2 * max(0, written), bounds)
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
@@ -309,41 +300,8 @@ class Database:
         """Write events; returns how many."""
         return self._connection.executemany(
             "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-            (_event_row(number, event) for number, event in events),
+            (_event_row(number, event) for number, event in self._pruner.note(events)),
         ).rowcount
-
-    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> bool:
-        """Delete up to ``count`` of the oldest events, where they are too old or too many.
-
-        Returns whether that is enough.
-        """
-        if last := self._last_old(count, *ages):
-            self._connection.execute("DELETE FROM events WHERE id <= ?", (last,))
-        if self._used() <= most:
-            return True
-        deleted = self._connection.execute(
-            "DELETE FROM events WHERE id IN (SELECT id FROM events"
-            " WHERE id <= (SELECT max(id) FROM events) - ? ORDER BY id LIMIT ?)",
-            (LEAST, count),
-        ).rowcount
-        return deleted == count or self._used() <= most
-
-    def _used(self) -> int:
-        """Bytes of the pages that are in use."""
-        names = "page_count", "freelist_count", "page_size"
-        [[pages], [free], [size]] = (self._ask(f"PRAGMA {name}") for name in names)
-        return int((pages - free) * size)
-
-    def _last_old(self, count: int, oldest: float, newest: float) -> int:
-        """The last of the events at the beginning that are too old; 0: none is."""
-        last = 0
-        for number, time in self._connection.execute(
-            "SELECT id, time FROM events WHERE time <= ? ORDER BY id LIMIT ?", (newest, count)
-        ):
-            if time >= oldest:
-                break
-            last = number
-        return last
 
 
 def rename_database(path: Path, to: Path) -> None:

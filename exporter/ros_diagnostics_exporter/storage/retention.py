@@ -13,7 +13,7 @@ LEAST = 10_000  # events that are kept however large the robots are; some 5 MB
 class Retention:
     """Events are kept for ``seconds``, and while the database has at most ``size`` bytes.
 
-    The newest `LEAST` are kept in a larger database, too: what robots need is not theirs to give.
+    `LEAST` are kept in a larger database, too: what robots need is not theirs to give.
     """
 
     seconds: float = 90 * 86_400.0

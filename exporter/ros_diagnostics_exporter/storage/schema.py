@@ -9,6 +9,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from ros_diagnostics_exporter.events import OF_FAULTS
+
 APPLICATION = 0x524F5344  # "ROSD", for `file`
 VERSION = 4
 TABLES = (
@@ -30,8 +32,9 @@ _EARLIER = (
 TABLES_OF = {2: _EARLIER, 3: _EARLIER, VERSION: TABLES}  # version 1 was a JSON file
 # Those of faults are few among those of levels, and pages of faults ask for them. A query has to
 # name the kind itself, not as a parameter, to use their index.
-OF_FAULTS = frozenset(("fault_began", "fault_ended", "notified", "acknowledged", "action"))
+OF_NO_FAULT = " AND ".join(f"kind <> {kind!r}" for kind in sorted(OF_FAULTS))
 INDEXES = (
+    f"CREATE INDEX IF NOT EXISTS events_of_no_fault ON events (robot) WHERE {OF_NO_FAULT}",
     "CREATE INDEX IF NOT EXISTS events_of_robot ON events (robot)",
     (
         "CREATE INDEX IF NOT EXISTS events_of_faults ON events (kind)"

@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.storage.database import (
     rename_database,
 )
 from ros_diagnostics_exporter.storage.earlier import Found, decoded, event_fault, salvage
+from ros_diagnostics_exporter.storage.pruning import Bounds, Early
 from ros_diagnostics_exporter.storage.retention import LEAST, AgeClock, Retention
 from ros_diagnostics_exporter.storage.schema import FaultOf
 
@@ -66,6 +67,7 @@ class Storage:
 
     ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
     ``is_crowded``: what is kept of robots leaves no room for events, of which the newest are kept.
+    ``early``: whose events went for want of room.
 
     Args:
         path: The database; its folder is made if the one above it is there.
@@ -81,6 +83,7 @@ class Storage:
         self._successful = True
         self.written_at = 0.0
         self.is_crowded = False
+        self.early = Early()
         self._blocked = False  # by a file that could not be read, and so is not overwritten
         self._tried_at = self._logged_at = self._seen_at = float("-inf")
         self._writing_since: float | None = None
@@ -280,8 +283,9 @@ class Storage:
             return
         retention = self._retention
         oldest = self._age.time(now) - retention.seconds
-        has_room = database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
-        self._note_room(has_room=has_room)
+        pruned = database.write(changes, Bounds(oldest, now.wall, retention.size))
+        self._note_room(has_room=pruned.has_room)
+        self.early.note(pruned.early, now)
         self._keys, self._everything, self._changed_rows = keys, False, {}
         if is_due:
             self._seen, self._seen_at = seen, now.wall
@@ -298,12 +302,12 @@ class Storage:
     def crowded_reason(self) -> str:
         """What is wrong where ``is_crowded``."""
         limit = f"--storage.retention.size ({self._retention.size:,} bytes)"
-        return f"what is kept of robots needs {limit}: only the newest {LEAST:,} events are kept"
+        return f"what is kept of robots needs {limit}: only {LEAST:,} events are kept"
 
     def _note_events(self, written: list[Numbered], now: Instant) -> None:
         if not written:
             return
-        lost = written[0][0] - self._last_event - 1
+        lost = written[-1][0] - self._last_event - len(written)
         if self._last_event and lost > 0:
             self._log(now, f"was written too slowly: {lost} events are lost")
         self._last_event = written[-1][0]

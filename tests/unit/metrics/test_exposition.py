@@ -517,7 +517,13 @@ WEEK = Week(
 
 def self_metrics(driver: StateDriver) -> SelfMetrics:
     """The exporter's own metrics, with everything that they are read from."""
-    part = SimpleNamespace(successful=True, time=1.5, written_at=2.5, answers=lambda _now: True)
+    part = SimpleNamespace(
+        successful=True,
+        time=1.5,
+        written_at=2.5,
+        early=SimpleNamespace(counts={"r": 3}),
+        answers=lambda _now: True,
+    )
     listener = SimpleNamespace(
         domain_ids=(0,),
         errors={1: "why"},
@@ -597,6 +603,7 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
         "exporter_settled": {"": 1},
         "exporter_storage_last_write_successful": {"": 1},
         "exporter_storage_last_write_success_timestamp_seconds": {"": 2.5},
+        "exporter_events_deleted_early_total": {"r": 3},
         "exporter_discovery_last_run_timestamp_seconds": {"0": 3.5},
         "exporter_decode_seconds_total": {"": 4.5},
         "exporter_ingest_seconds_total": {"": 5.5},

@@ -67,3 +67,17 @@ def test_the_events_after_one_are_those_that_are_to_be_written(monkeypatch):
     assert [(number, event.time) for number, event in log.after(14)] == [(15, 4.0), (16, 5.0)]
     assert [number for number, _event in log.after(0)] == [13, 14, 15, 16]
     assert log.after(16) == []
+
+
+def test_without_a_database_no_event_of_a_fault_makes_room_for_others():
+    log = EventLog()
+    for number in range(100):
+        log.record(Event(float(number), "fault_began", "r"))
+    for number in range(3 * events.MAX_EVENTS):
+        log.record(Event(100.0 + number, "level", "loud"))
+
+    found = list(log.find(Wanted(robot="r", limit=60)))
+    assert [each["id"] for each in found] == list(range(100, 40, -1))
+    more = log.find(Wanted(robot="r", before=41, limit=60))
+    assert [each["id"] for each in more] == list(range(40, 0, -1))
+    assert len(list(log.find(Wanted(limit=10**9)))) == events.MAX_EVENTS + 100

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.fleet.unmatched import Unmatched
 from ros_diagnostics_exporter.model import Endpoint, Instant, Level
 from ros_diagnostics_exporter.self_check import SelfCheck
+from ros_diagnostics_exporter.storage.pruning import Early
 
 OK, WARN, ERROR, STALE = Level
 WALL = 1_700_000_000.0
@@ -33,7 +34,11 @@ class Parts:
         self.listener = SimpleNamespace(troubles={7: ""}, oddities={7: ""})
         self.reloader = SimpleNamespace(successful=True)
         self.storage: Any = SimpleNamespace(
-            successful=True, written_at=WALL + 1, is_crowded=False, crowded_reason="no room"
+            successful=True,
+            written_at=WALL + 1,
+            is_crowded=False,
+            crowded_reason="no room",
+            early=Early(),
         )
         self.alertmanager: Any = SimpleNamespace(answers=lambda _now: True)
         self.exposition = SimpleNamespace(series={"a": 800, "b": 100})
@@ -62,8 +67,8 @@ def test_nothing_is_wrong_with_an_exporter_that_works(parts):
     reports = {each.part: each.level for each in parts.check.reports(at(1000))}
     assert reports == dict.fromkeys(
         (
-            *("fleet.yml", "entries of fleet.yml", "database", "Alertmanager", "queries"),
-            *("domain 7", "loop unmatched", "robots", "series", "rejections"),
+            *("fleet.yml", "entries of fleet.yml", "database", "history", "Alertmanager"),
+            *("queries", "domain 7", "loop unmatched", "robots", "series", "rejections"),
         ),
         OK,
     )

@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.storage.database import Changes, Database, InUseError
+from ros_diagnostics_exporter.storage.pruning import Bounds
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
@@ -327,7 +328,7 @@ def test_a_write_that_fails_half_way_leaves_what_was_written(path):
 
     def write(name, events=()):
         changes = Changes(True, [(name, "{}")], [], [(name, WALL)], {}, events)
-        database.write(changes, oldest=0.0, newest=WALL, most=1 << 30)
+        database.write(changes, Bounds(0.0, WALL, 1 << 30))
 
     def failing():
         yield 1, Event(WALL, "config")

@@ -11,8 +11,9 @@ import pytest
 from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.storage import database as database_module
+from ros_diagnostics_exporter.storage import pruning
 from ros_diagnostics_exporter.storage.database import Changes, Database
+from ros_diagnostics_exporter.storage.pruning import Bounds
 from ros_diagnostics_exporter.storage.retention import AgeClock, Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
@@ -73,7 +74,7 @@ def record(driver: StateDriver, second: float, number: int, text: str = "") -> N
 
 
 def test_old_events_go_by_age_and_size(path, content, monkeypatch):
-    monkeypatch.setattr(database_module, "LEAST", 100)
+    monkeypatch.setattr(pruning, "LEAST", 100)
     driver = StateDriver()
     driver.storage = Storage(path, Retention(seconds=100.0, size=200_000))
     for second in range(0, 1000, 20):
@@ -94,8 +95,8 @@ def test_robots_that_need_all_of_the_size_leave_the_newest_events_and_say_so(
     path, content, monkeypatch, caplog
 ):
     """They had none left, and said nothing."""
-    assert database_module.LEAST == 10_000
-    monkeypatch.setattr(database_module, "LEAST", 50)
+    assert pruning.LEAST == 10_000
+    monkeypatch.setattr(pruning, "LEAST", 50)
     driver = StateDriver()
     driver.raw(*(Status(0, f"c{number}", "x" * 1000) for number in range(400)))
     driver.storage = Storage(path, Retention(size=300_000))
@@ -104,9 +105,11 @@ def test_robots_that_need_all_of_the_size_leave_the_newest_events_and_say_so(
         assert driver.storage.is_crowded
 
     kept = [number for number, *_texts in content()["events"]]
-    assert kept == list(range(kept[-1] - 49, kept[-1] + 1))
+    robots = [number for number, _time, _kind, robot, *_texts in content()["events"] if robot]
+    assert len(kept) == 50
+    assert [*robots, *range(kept[-1] - 49 + len(robots), kept[-1] + 1)] == kept
     limit = "--storage.retention.size (300,000 bytes)"
-    what = f"database {path}: what is kept of robots needs {limit}: only the newest"
+    what = f"database {path}: what is kept of robots needs {limit}: only 10,000 events"
     assert caplog.text.count(what) == 1
 
     driver.state.forget("r", None, driver.now)
@@ -116,14 +119,14 @@ def test_robots_that_need_all_of_the_size_leave_the_newest_events_and_say_so(
 
 
 def test_only_events_that_are_too_old_or_too_many_go(path, content, monkeypatch):
-    monkeypatch.setattr(database_module, "LEAST", 0)
+    monkeypatch.setattr(pruning, "LEAST", 0)
     database = Database(path)
     # The wall clock was set back once.
     old = [Event(0.0 if n == 700 else float(n), "config", message="x" * 200) for n in range(3000)]
 
     def left_by(new: list[Event] = (), **limits: float) -> range:
         changes = Changes(False, [], [], [], {}, enumerate(new, 1 + database.last_event()))
-        database.write(changes, **{"oldest": 0.0, "newest": 1e9, "most": 1 << 30, **limits})
+        database.write(changes, Bounds(**{"oldest": 0.0, "newest": 1e9, "size": 1 << 30, **limits}))
         ids = [number for number, *_ in content()["events"]]
         assert ids == list(range(ids[0], ids[-1] + 1))
         return range(ids[0], ids[-1] + 1)
@@ -137,10 +140,11 @@ def test_only_events_that_are_too_old_or_too_many_go(path, content, monkeypatch)
 
     assert left_by(old) == range(1, 3001)
     assert left_by(oldest=500.0) == range(501, 3001)
-    assert left_by(most=used()) == range(501, 3001)
-    left = left_by(old[:100], most=used() - 1)  # more go than come, and not all at once
-    assert 1000 < 3100 - 500 - len(left) < 1500
+    assert left_by(size=used()) == range(501, 3001)
+    left = left_by(old[:100], size=used() - 1)  # as many go as have to
+    assert 2500 - 200 <= len(left) <= 2500
     assert left[-1] == 3100
+    assert 200 <= len(left) - len(left_by(size=1)) <= 1000  # not all at once
     database.close()
 
 

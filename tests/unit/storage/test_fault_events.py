@@ -10,6 +10,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.storage.database import Changes, Database, find_events, first_event
+from ros_diagnostics_exporter.storage.pruning import Bounds
 
 EVENTS = [
     Event(10.0, "level", "r", "/Motor", "Motor 1", "OK", "ERROR"),
@@ -22,7 +23,7 @@ EVENTS = [
 def written(path: Path) -> Path:
     found = Database(path)
     changes = Changes(True, [], [], [], {}, enumerate(EVENTS, 1))
-    found.write(changes, oldest=0.0, newest=100.0, most=1 << 30)
+    found.write(changes, Bounds(0.0, 100.0, 1 << 30))
     found.close()
     return path
 
@@ -75,7 +76,7 @@ def test_a_damaged_event_is_left_out(tmp_path):
 def test_ids_go_on_from_the_highest_unless_no_exporter_wrote_it(tmp_path, highest, last):
     database = Database(tmp_path / "db")
     changes = Changes(True, [], [], [], {}, [(highest, EVENTS[0])])
-    database.write(changes, oldest=0.0, newest=100.0, most=1 << 30)
+    database.write(changes, Bounds(0.0, 100.0, 1 << 30))
     assert database.last_event() == last
     database.close()
 

@@ -251,7 +251,7 @@ def test_wrong_arguments_are_unknown_and_not_critical(call, capsys):
 @pytest.mark.parametrize(
     ("url", "complaint"),
     [
-        ("nonsense", "unknown url type"),
+        ("nonsense", "it is not the URL of a server"),
         ("http://127.0.0.1:1/", "refused"),
         ("ftp://x", "UNKNOWN"),
         ("http://a b", "control char"),

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.storage.database import Changes, Database
+from ros_diagnostics_exporter.storage.pruning import Bounds
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, play
@@ -28,7 +29,7 @@ def write_log(path, events, robots=()):
         everything=False, robots=list(robots), gone=[], seen=[], faults={},
         events=list(enumerate(events, 1)),
     )  # fmt: skip
-    database.write(changes, oldest=0.0, newest=inf, most=1 << 30)
+    database.write(changes, Bounds(0.0, inf, 1 << 30))
     database.close()
     return path
 
