@@ -34,11 +34,8 @@ def test_the_servers_find_their_files_and_an_upgrade_replaces_the_rules(tmp_path
         assert "7 rule files found" in person.does(checks)
         # As systemd starts them: the words of ARGS.
         for name, argv in (
-            (
-                "prometheus",
-                "prometheus --config.file=/etc/prometheus/prometheus.yml --storage.tsdb",
-            ),
-            ("prometheus-alertmanager", "prometheus-alertmanager --storage"),
+            ("prometheus", "--config.file=/etc/prometheus/prometheus.yml --storage.tsdb"),
+            ("prometheus-alertmanager", "--storage"),
         ):
             script = f". /etc/default/{name}\nexec {name} {argv}.path={person.home}/{name} $ARGS"
             person.starts(name, script)
