@@ -110,6 +110,12 @@ class Limits(Entry):
     """Limits of what is held in memory and served; what is beyond is rejected or cut."""
 
     robots: Count = described("Robots.", example=500, default=2000)
+    new_robots: Count = described(
+        "Robots that are not in fleet.yml and may be found at once, and as many again in ten "
+        "minutes; those of the first two minutes, and those that were known before, do not count.",
+        example=20,
+        default=100,
+    )
     components: Count = described("Components of one robot.", example=200, default=500)
     values: Count = described("Key-values of one component.", example=50, default=200)
     label_length: Annotated[int, Field(ge=16, le=4096)] = described(

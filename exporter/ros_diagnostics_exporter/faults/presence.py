@@ -44,8 +44,9 @@ def fall_silent(
 
 
 def become_pending(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Note that a robot was never received, and that none of its publishers is there."""
+    """Note that a robot was never received, or hardly, and that none of its publishers is there."""
     robot.presence = Presence.NEVER
+    components.hold(book, robot, now)
     if State.SILENT in robot.problems:
         book.give_verdict(robot.problems[State.SILENT], Verdict.NO_DATA)
     if robot.declared:

@@ -302,6 +302,11 @@ class FaultReports:
         known = self._robots[name].name_of(component)
         return known is not None and self.engine.in_trouble(name, known)
 
+    def has_any(self, robot: RobotState) -> bool:
+        """Whether there is a fault of a robot, or of a part of it."""
+        name = robot.settings.name
+        return any(each.identity.robot == name for each in self.engine.faults())
+
     def has_fault(self, robot: RobotState, component: Component) -> bool:
         """Whether people know a component by a fault of it, or of a value of it."""
         name = self._robots[robot.settings.name].name_of(component)

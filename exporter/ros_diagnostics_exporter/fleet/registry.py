@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.fleet.newcomers import NewcomerRate
 from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
 from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
@@ -38,6 +39,7 @@ class RobotRegistry:
         self.bindings: dict[Topic, list[tuple[RobotState, bool]]] = {}  # robot, is the topic raw
         self.shared_topics: dict[Topic, SharedTopic] = {}
         self.series = SeriesLimit(fleet.limits.series)
+        self._newcomers = NewcomerRate(fleet.limits.new_robots, now)
         self._fleet = fleet
         self._events = events
         self._faults = faults
@@ -60,6 +62,7 @@ class RobotRegistry:
         self._fleet = fleet
         self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
+        self._newcomers.at_once = fleet.limits.new_robots
         self.rejections.reset()
         for domain_id, types in self._other_types.items():
             self._reject_types(domain_id, types.items(), now)
@@ -136,11 +139,15 @@ class RobotRegistry:
 
     # -- added and dropped -------------------------------------------------------------------
 
-    def add(self, settings: config.Robot, now: Instant, *, declared: bool) -> RobotState | None:
-        """A new robot; None where a limit rejects it."""
+    def add(
+        self, settings: config.Robot, now: Instant, *, declared: bool, known: bool = False
+    ) -> RobotState | None:
+        """A new robot, ``known`` to an earlier process; None where a limit rejects it."""
         limit = self._limit()
         if limit is not None and self._replace_one(now, at_once=declared):
             limit = self._limit()
+        if limit is None and not (declared or known or self._newcomers.take(now)):
+            limit = "new_robots"
         if limit is not None:
             self._reject(settings, limit, now)
             return None
@@ -149,6 +156,7 @@ class RobotRegistry:
             settings, self._fleet.limits, self.series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
+        robot.is_newcomer = not known and self._newcomers.limits(now)
         self.robots[settings.name] = robot
         if not declared:
             self._not_publishing[settings.name] = robot
@@ -175,7 +183,8 @@ class RobotRegistry:
         """Forget what is long absent, was OK and has no problem: components, then the robot."""
         robot.components.rename_waiting()
         robot.forget_absent_components(now, lambda each: self._faults.keeps(robot, each))
-        if robot.is_forgettable(now) and not self._faults.keeps(robot):
+        is_gone = robot.is_forgettable(now) and not self._faults.keeps(robot)
+        if is_gone or (robot.is_forgettable_newcomer(now) and not self._faults.has_any(robot)):
             self.drop(robot, now)
 
     def mark_publishing(self, robot: RobotState) -> None:
@@ -257,7 +266,8 @@ class RobotRegistry:
         robot = self.robots.get(name)
         if robot is None and known.last_seen:
             settings = self._settings_of(name, known)
-            robot = None if settings is None else self.add(settings, now, declared=False)
+            if settings is not None:
+                robot = self.add(settings, now, declared=False, known=True)
             if robot is not None:
                 self.mark_publishing(robot)
         return robot

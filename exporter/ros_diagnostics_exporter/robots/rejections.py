@@ -58,6 +58,7 @@ FleetRejectionReason = Literal[
     "no_robot",
     "duplicate_robot",
     "robot_limit",
+    "new_robots",
     "series_limit",
     "label_length",
     "rate",
@@ -66,6 +67,7 @@ FleetRejectionReason = Literal[
 _ROBOT_LOG_TEXTS: dict[FleetRejectionReason, str] = {
     "duplicate_robot": "that name is taken",
     "robot_limit": "the limit of robots is reached",
+    "new_robots": "too many new ones are found, it is found later",
     "series_limit": "the limit of series is reached",
 }
 

@@ -53,6 +53,8 @@ log = logging.getLogger(__name__)
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
+FLEETING = 60.0  # seconds for which a newcomer has to be received until its silence is a fault
+FLEETING_KEPT = 600.0  # ... and for which one is kept that was received for less
 _NO_PUBLISHER = Endpoint(0)
 
 
@@ -154,6 +156,8 @@ class RobotState:
         self.source = settings.source
         self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
         self.look_at = inf  # when its State looks at it again, monotonic
+        self.is_newcomer = False  # it was found while others were known
+        self._first_mono = inf
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0
@@ -262,6 +266,7 @@ class RobotState:
         if not self.up:
             self.record("received", now)
             self.up = True
+        self._first_mono = min(self._first_mono, now.mono)
         self.last_mono, self.last_wall = now
         self.marks.note(Mark.RECEIPT)
 
@@ -370,6 +375,20 @@ class RobotState:
             return False
         last = self.seen_mono if self.last_mono is None else self.last_mono
         return now.mono - last > self.settings.profile.forget_after
+
+    @property
+    def is_fleeting(self) -> bool:
+        """Whether it is a newcomer that was received for less than a minute: it may be invented."""
+        if self.declared or not self.is_newcomer:
+            return False
+        return self.last_mono is None or self.last_mono - self._first_mono < FLEETING
+
+    def is_forgettable_newcomer(self, now: Instant) -> bool:
+        """Whether it was received for less than a minute, and for ten minutes it is gone."""
+        if self.up or self.network.publishers or not self.is_fleeting:
+            return False
+        last = self.seen_mono if self.last_mono is None else self.last_mono
+        return now.mono - last > FLEETING_KEPT
 
     def _had_time(self, now: Instant) -> bool:
         """Whether it is known for long enough to have been received, after a start too.

@@ -1,0 +1,38 @@
+"""How many robots that fleet.yml does not declare may be found, and how soon.
+
+Whoever may publish can invent robots, some every second, each with a name and components of its
+own. Those that another process knew, and those of the first minutes, are not limited: a fleet that
+is found for the first time may be large.
+"""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.model import Instant
+
+STARTING = 120.0  # seconds after the start in which a fleet is found
+REFILL = 600.0  # seconds in which as many as `limits.new_robots` may be found, after that many
+
+
+class NewcomerRate:
+    """Counts robots; ``at_once`` may be found at once, and as many again in `REFILL`."""
+
+    def __init__(self, at_once: int, now: Instant) -> None:
+        self.at_once = at_once
+        self._free_until = now.mono + STARTING
+        self._left = float(at_once)
+        self._at = now.mono
+
+    def limits(self, now: Instant) -> bool:
+        """Whether robots are counted already."""
+        return now.mono >= self._free_until
+
+    def take(self, now: Instant) -> bool:
+        """Count one more; False where there are too many."""
+        if not self.limits(now):
+            return True
+        gained = (now.mono - self._at) * self.at_once / REFILL
+        self._left, self._at = min(self.at_once, self._left + gained), now.mono
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True

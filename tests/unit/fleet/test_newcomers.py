@@ -1,0 +1,102 @@
+"""Robots that somebody invents: some are found, none is kept for long, none is a fault."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits
+from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from support.state_driver import ERROR, OK, StateDriver
+
+PATTERN = re.compile(r"/(?P<robot>[^/]+)/diagnostics")
+FLEET = Fleet("f", discoveries=(Discovery(PATTERN, "/{robot}/diagnostics"),))
+TRUE = tuple(f"true_{number}" for number in range(5))
+
+
+def topic(name: str) -> Topic:
+    return Topic(0, f"/{name}/diagnostics")
+
+
+class Playing:
+    """Five true robots, and what else is there at a second."""
+
+    def __init__(self, fleet: Fleet = FLEET) -> None:
+        self.driver = StateDriver(fleet=fleet)
+        self.play(0, 125)
+
+    def play(
+        self, begin: int, end: int, *names: str, level: int = OK, publishing: tuple[str, ...] = ()
+    ) -> None:
+        driver = self.driver
+        for second in range(begin, end):
+            driver.at(float(second))
+            graph = {topic(name).name: Endpoint(1) for name in (*TRUE, *names, *publishing)}
+            driver.state.update_graph(0, graph, driver.now)
+            for name in (*TRUE, *names):
+                if name in driver.state.robots:
+                    shown = level if name in names else OK
+                    array = Array(driver.now.wall, (Status(shown, f"Motor of {name}"),))
+                    driver.state.receive(topic(name), array, driver.now)
+
+    def invented(self) -> list[str]:
+        return [name for name in self.driver.state.robots if name not in TRUE]
+
+    def faults(self) -> list[str]:
+        return [each.robot for each in self.driver.events if each.kind == "fault_began"]
+
+
+def test_seven_invented_robots_a_second_do_not_become_a_fleet():
+    playing = Playing()
+    for second in range(125, 425):
+        playing.play(second, second + 1, *(f"x{second}_{n}" for n in range(7)))
+
+    assert 100 <= len(playing.invented()) <= 100 + 100 * 300 // 600 + 1
+    assert playing.driver.state.rejected["new_robots"] > 1_800
+    assert all(playing.driver.state.robots[name].up for name in TRUE)
+
+    playing.play(425, 425 + 620)
+    assert playing.invented() == []
+    assert playing.faults() == []
+
+
+def test_a_fleet_that_is_found_at_the_start_is_not_limited():
+    driver = StateDriver(fleet=FLEET)
+    found = {topic(f"r{number}").name: Endpoint(1) for number in range(1_000)}
+    driver.state.update_graph(0, found, driver.now)
+    assert len(driver.state.robots) == 1_000
+
+
+def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
+    playing = Playing(replace(FLEET, limits=Limits(new_robots=2)))
+    names = ("a", "b", "c")
+    playing.play(125, 126, *names)
+    assert len(playing.invented()) == 2
+    playing.play(126, 126 + 310, *names)
+    assert sorted(playing.invented()) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(("seconds", "level"), [(70, OK), (30, ERROR)])
+def test_a_newcomer_that_was_received_for_a_minute_or_had_a_fault_stays(seconds, level):
+    playing = Playing()
+    playing.play(125, 125 + seconds, "new", level=level)
+    playing.play(125 + seconds, 1_000)
+    assert playing.invented() == ["new"]
+    assert "new" in playing.faults()
+
+
+def test_a_newcomer_that_is_silent_while_its_publisher_is_there_is_a_fault():
+    playing = Playing()
+    playing.play(125, 140, "new")
+    playing.play(140, 200, publishing=("new",))
+    assert "new" in playing.faults()
+
+
+def test_a_robot_that_an_earlier_process_knew_is_no_newcomer(tmp_path):
+    playing = Playing()
+    playing.play(125, 140, "new")
+    playing.driver = playing.driver.again(tmp_path / "db")
+    playing.play(0, 100)
+    assert "new" in playing.faults()
