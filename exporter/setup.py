@@ -20,7 +20,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/launch", ["launch/exporter.launch.py"]),
+        (f"share/{NAME}/launch", ["ros_launch/exporter.launch.py"]),
     ],
     zip_safe=True,
     entry_points={

@@ -15,7 +15,7 @@ from support import launching
 from testbed.configuration import CHECKOUT
 
 PROJECT = (CHECKOUT / "pyproject.toml").read_text()
-LAUNCH_FILE = CHECKOUT / "exporter" / "launch" / "exporter.launch.py"
+LAUNCH_FILE = CHECKOUT / "exporter" / "ros_launch" / "exporter.launch.py"
 PACKAGE = ET.parse(CHECKOUT / "exporter" / "package.xml").getroot()
 
 
@@ -70,4 +70,4 @@ def test_launched_without_a_config_it_receives_every_robot_of_a_domain(monkeypat
 
 def test_the_launch_file_is_installed():
     setup = (CHECKOUT / "exporter" / "setup.py").read_text()
-    assert f'(f"share/{{NAME}}/launch", ["launch/{LAUNCH_FILE.name}"])' in setup
+    assert f'(f"share/{{NAME}}/launch", ["ros_launch/{LAUNCH_FILE.name}"])' in setup

@@ -9,11 +9,10 @@ Without a config it receives every robot of one DDS domain that publishes NAME/d
 import tempfile
 from pathlib import Path
 
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
-
-from launch import LaunchContext, LaunchDescription
 
 FLEET = """\
 fleet: robots
