@@ -80,7 +80,7 @@ class ServedFleet:
             ingest_seconds=0.0,
         )
         reloader = SimpleNamespace(successful=True, time=at)
-        storage = SimpleNamespace(successful=True, written_at=at)
+        storage = SimpleNamespace(successful=True, written_at=at, early=SimpleNamespace(counts={}))
         return SimpleNamespace(
             state=self.state,
             exposition=self._exposition,
