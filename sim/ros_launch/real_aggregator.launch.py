@@ -6,11 +6,11 @@ Each robot has a diagnostic_aggregator in its namespace, given the same diagnost
 virtual aggregator reads; rqt_robot_monitor shows one robot (monitor:=robot_1, or '' for none).
 """
 
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import LaunchContext, LaunchDescription
 from virtual_robots.simulation.kinds import kind_path, load_kind
 
 
