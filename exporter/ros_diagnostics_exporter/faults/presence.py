@@ -30,7 +30,7 @@ def fall_silent(
     if robot.presence is Presence.SILENT:
         book.write(problem)
         return
-    robot.calm = None
+    robot.history_before = None
     if robot.up and counts and not robot.maintenance:
         _note_absence(book, robot, now)
     problem.clock = now.mono
@@ -153,7 +153,7 @@ def _note_presence(book: Book, robot: RobotRecord, now: Instant) -> None:
 def _note_absence(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Count that a robot went; what there was before is kept until it is back."""
     history = robot.history or FlapHistory([_UP] * SLOTS, now.mono)
-    robot.calm = FlapHistory(history.slots, history.last)
+    robot.history_before = FlapHistory(history.slots, history.last)
     robot.history = history
     history.change(_DOWN, now.mono, robot.settings.presence_interval)
     _judge_flapping(book, robot, history, now)
@@ -164,15 +164,15 @@ def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
 
     Only now it is clear what else fell silent with it.
     """
-    calm, robot.calm = robot.calm, None
+    before, robot.history_before = robot.history_before, None
     silence = robot.problems.get(State.SILENT)
-    if calm is None or silence is None or robot.history is None:
+    if before is None or silence is None or robot.history is None:
         return
     edge = suppression.explanation(book, silence, now)
     is_larger = edge is not None and edge.reason is not Reason.ROBOT_FLAPPING
     if is_larger or robot.explained_until > now.mono:
-        robot.history = calm
-        calm.decay(now.mono, robot.settings.presence_interval)
+        robot.history = before
+        before.decay(now.mono, robot.settings.presence_interval)
     elif not robot.maintenance:
         robot.history.change(_UP, now.mono, robot.settings.presence_interval)
     _judge_flapping(book, robot, robot.history, now)

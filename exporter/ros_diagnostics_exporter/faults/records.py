@@ -313,7 +313,7 @@ class RobotRecord(Subject):
     maintained: frozenset[str] = frozenset()
     returned_until: float = -inf
     booted_until: float = -inf  # for its boot_grace after it came back
-    calm: FlapHistory | None = None  # its history before it fell silent, if that counts
+    history_before: FlapHistory | None = None  # before it fell silent, if that counts
     cut_off_since: float | None = None  # not written: reported anew after a start
     has_dependencies: bool = False  # a component of it depends, or did, on another
     total: int = 0

@@ -254,7 +254,7 @@ def _bound(book: Book, now: Instant) -> None:
         robot.booted_until = min(robot.booted_until, now.mono + robot.settings.boot_grace)
         _bound_subject(robot, now)
         _bound_history(robot.history, now)
-        _bound_history(robot.calm, now)
+        _bound_history(robot.history_before, now)
         for component in robot.components.values():
             component.since = _not_after(component.since, now)
             component.boots_until = min(component.boots_until, robot.booted_until)

@@ -178,7 +178,7 @@ ROBOT: Table = {
     ),
     "returned_until": _MONO,
     "booted_until": _MONO,
-    "calm": _HISTORY,
+    "history_before": _HISTORY,
     "total": Kind(Annotated[int, Field(ge=0)]),
     "counted": Kind(bool),
     "history": _HISTORY,

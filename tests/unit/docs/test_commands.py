@@ -13,7 +13,7 @@ from ros_diagnostics_tools.main import command
 CHECKOUT = Path(__file__).parents[3]
 PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
 # Up to the end of the line or of the code; flags of what it is piped into are another's.
-CALL = re.compile(r"(?<![/\w-])ros-diagnostics ((?:[a-z][a-z-]* ?)+)([^`|&\n]*)")
+CALL = re.compile(r"(?<![/\w-])(?<!namespace )ros-diagnostics ((?:[a-z][a-z-]* ?)+)([^`|&\n]*)")
 
 
 def calls() -> list[tuple[str, str, str]]:
