@@ -46,7 +46,7 @@ class Ring:
         """Drop what is older than that, or beyond so many times the limits."""
         size = sum(len(each.data) for each in self._chunks)
         plain = sum(each.size for each in self._chunks)
-        while len(self._chunks) > 1 and (
+        while self._chunks and (
             size > RING * times or plain > PLAIN * times or self._chunks[0].end < oldest
         ):
             dropped = self._chunks.popleft()
