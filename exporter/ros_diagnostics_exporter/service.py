@@ -196,6 +196,11 @@ class Service:
             self._recordings.follow(*self.state.received())
         self._recordings.turn(now)
 
+    @property
+    def recording_dropped(self) -> int:
+        """How many messages no recording has, because they were too many."""
+        return 0 if self._recordings is None else self._recordings.rings.dropped
+
     def _make_recordings(self, database: Path, config_file: Path) -> FaultRecordings:
         folder = database.with_name(f"{database.stem}.recordings")
         settings = self.state.fleet.recordings

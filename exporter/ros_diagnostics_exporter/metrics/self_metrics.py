@@ -74,6 +74,10 @@ class Exporter(Protocol):
     week: Week | None
     rejected_logins: RejectedLogins
 
+    @property
+    def recording_dropped(self) -> int:
+        """How many messages no recording has."""
+
     def loops(self) -> Sequence[Loop]:
         """All loops that there are now."""
 
@@ -275,6 +279,15 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
     (
         _family("exporter_logins_rejected_total", "counter", "Rejected logins.", EXPORTER),
         lambda exporter: _one(exporter.rejected_logins.total),
+    ),
+    (
+        _family(
+            "exporter_recording_messages_dropped_total",
+            "counter",
+            "Messages that no recording has: a topic sent more than its share of memory.",
+            EXPORTER,
+        ),
+        lambda exporter: _one(exporter.recording_dropped),
     ),
     (
         _family(
