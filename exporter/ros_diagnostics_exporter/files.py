@@ -82,3 +82,15 @@ class FileWatcher:
             return False
         self._known, self._unstable = self._last, 0
         return True
+
+
+def write_new(path: Path, content: bytes) -> None:
+    """Write a new file that only this user may read; what is at the path is removed, not followed.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
+    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+        file.write(content)

@@ -36,6 +36,8 @@ class SelfCheck:
     def reports(self, now: Instant) -> list[OwnReport]:
         """All parts as they are now; of what is wrong the message says on which host."""
         parts = [*self._files(now), *self._servers(now), *self._domains(), *self._loops(now)]
+        guessed = self._exporter.rejected_logins.reason(now.mono)
+        parts.append(_warning("logins", guessed, is_wrong=bool(guessed), confirm_after=0.0))
         parts += [self._unmatched(now), self._robots(now), self._series(), self._rejections(now)]
         return [
             each._replace(message=f"{each.message};\non host {self._host}")

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.metrics.week import Week
 from ros_diagnostics_exporter.model import Part, Person
 from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.sources.dds import describe_ros
@@ -120,6 +121,7 @@ class Service:
         self._joining = Joining(self.state, self.listener, self._sources)
         self.ros = describe_ros()
         self.scrapes, self.scrape_seconds = 0, 0.0
+        self.rejected_logins = RejectedLogins()
         self.week: Week | None = None
         self._self_metrics = SelfMetrics(self)
         self._self_check = SelfCheck(self, now)
@@ -193,6 +195,11 @@ class Service:
             self._forget_at = now.mono + self.FORGET
             self._recordings.follow(*self.state.received())
         self._recordings.turn(now)
+
+    @property
+    def recording_dropped(self) -> int:
+        """How many messages no recording has, because they were too many."""
+        return 0 if self._recordings is None else self._recordings.rings.dropped
 
     def _make_recordings(self, database: Path, config_file: Path) -> FaultRecordings:
         folder = database.with_name(f"{database.stem}.recordings")

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import pytest
 import trustme
 
 from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
 from ros_diagnostics_exporter.web import server as server_module
 from ros_diagnostics_exporter.web.server import Server
@@ -188,6 +189,8 @@ def render_metrics(openmetrics: bool, _parts: frozenset[Part]) -> list[bytes]:
 class FakeBackend:
     """A Backend made of functions."""
 
+    rejected_logins: RejectedLogins = field(default_factory=RejectedLogins)
+
     render_metrics: Callable[[bool, frozenset[Part]], Sequence[bytes]] = render_metrics
     count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
@@ -211,7 +214,7 @@ class FakeBackend:
     accept_graph: Callable[[str], int] = lambda _robot: 1
 
 
-BACKEND_METHODS = {field.name for field in fields(FakeBackend)}
+BACKEND_METHODS = {each.name for each in fields(FakeBackend)}
 
 
 @pytest.fixture

@@ -121,6 +121,11 @@ class Limits(Entry):
     label_length: Annotated[int, Field(ge=16, le=4096)] = described(
         "Characters of the name of a component, group or key in labels.", example=128, default=256
     )
+    message_bytes: Count = described(
+        "Bytes of one message; a larger one is not decoded.",
+        example=4_194_304,
+        default=1_048_576,
+    )
     series: Count = described(
         "Series of all robots, components and values.", example=200_000, default=1_000_000
     )

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.metrics.families import (
 )
 from ros_diagnostics_exporter.metrics.week import ROWS, Samples, Week
 from ros_diagnostics_exporter.model import ALL_PARTS, Domain, Part
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -71,6 +72,11 @@ class Exporter(Protocol):
     scrapes: int
     scrape_seconds: float
     week: Week | None
+    rejected_logins: RejectedLogins
+
+    @property
+    def recording_dropped(self) -> int:
+        """How many messages no recording has."""
 
     def loops(self) -> Sequence[Loop]:
         """All loops that there are now."""
@@ -269,6 +275,19 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         lambda exporter: (
             None if exporter.storage is None else _by_label(exporter.storage.early.counts)
         ),
+    ),
+    (
+        _family("exporter_logins_rejected_total", "counter", "Rejected logins.", EXPORTER),
+        lambda exporter: _one(exporter.rejected_logins.total),
+    ),
+    (
+        _family(
+            "exporter_recording_messages_dropped_total",
+            "counter",
+            "Messages that no recording has: a topic sent more than its share of memory.",
+            EXPORTER,
+        ),
+        lambda exporter: _one(exporter.recording_dropped),
     ),
     (
         _family(

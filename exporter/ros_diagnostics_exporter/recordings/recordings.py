@@ -5,6 +5,7 @@ Written once fleet.yml's ``after`` has passed since the begin; limited in number
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import re
@@ -20,6 +21,7 @@ from ros_diagnostics_exporter.config.fleet import RecordingSettings
 from ros_diagnostics_exporter.config.load import FOLDERS, files_of
 from ros_diagnostics_exporter.config.yaml_file import read
 from ros_diagnostics_exporter.events import Event, filled
+from ros_diagnostics_exporter.files import write_new
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.recordings.mcap import Attachment, Channel, Chunk, write
 from ros_diagnostics_exporter.recordings.rings import Rings
@@ -217,6 +219,8 @@ class FaultRecordings:
 
     def _remove_unfinished(self) -> None:
         """Remove what an exporter that was killed has left."""
+        if self._folder.is_symlink():
+            return  # another's files
         for path in self._folder.glob("*.part"):
             path.unlink(missing_ok=True)
 
@@ -234,10 +238,12 @@ class FaultRecordings:
         if content is None:
             return
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if self._folder.is_symlink():
+            raise OSError(errno.ELOOP, f"{self._folder} is a link")
         path = self._folder / f"{waiting.fault}-{waiting.event.time:.0f}.mcap"
         unfinished = path.with_suffix(".part")
         try:
-            unfinished.write_bytes(content)
+            write_new(unfinished, content)
             unfinished.replace(path)
         except OSError:  # the disk is full, for example
             unfinished.unlink(missing_ok=True)
@@ -269,6 +275,7 @@ class FaultRecordings:
             "evidence": waiting.event.message.splitlines(),
             "before": waiting.settings.before,
             "after": waiting.settings.after,
+            "missing_messages": self._missing(waiting),
             "domain_ids": sorted({each.domain_id for each in waiting.topics}),
         }
         text = json.dumps(described, ensure_ascii=False, indent=2)
@@ -276,9 +283,24 @@ class FaultRecordings:
         lines = config_lines(self._config_file, waiting.event.robot)
         yield Attachment("fleet.yml", "application/yaml", lines.encode(errors="replace"))
 
+    def _missing(self, waiting: Waiting) -> dict[str, int]:
+        """How many messages were too many, or too large, to be recorded, by topic."""
+        event, settings = waiting.event, waiting.settings
+        begin, end = _ns(event.time - settings.before), _ns(event.time + settings.after)
+        rings = {each.name: self.rings.get(Stream(each)) for each in waiting.topics}
+        rings |= {each.topic.name: ring for each, ring in self.rings.beside(event.robot).items()}
+        lost = {
+            topic: sum(begin <= time <= end for time in ring.lost)
+            for topic, ring in rings.items()
+            if ring is not None
+        }
+        return {topic: number for topic, number in lost.items() if number}
+
     def _prune(self, now: Instant) -> None:
         """Remove the oldest files beyond the limits."""
-        found = [(path.stat(), path) for path in self._folder.glob("*.mcap")]
+        if self._folder.is_symlink():
+            return  # another's files
+        found = [(path.lstat(), path) for path in self._folder.glob("*.mcap")]
         found.sort(key=lambda each: each[0].st_mtime, reverse=True)
         size = 0
         for number, (status, path) in enumerate(found):

@@ -6,14 +6,17 @@ A message is appended as it comes; `compress` does the rest in a thread of its o
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, deque
 
 from ros_diagnostics_exporter.decode.cdr import is_cdr
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.recordings.mcap import Chunk, OpenChunk
 
 CHUNK = 16 << 10  # bytes of a chunk before it is compressed
-WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped
+QUOTA = 1 << 20  # bytes of one stream that wait for `compress`; what is beyond is dropped
+WAITING = 16 << 20  # ... of all streams; where more waits, each may have `LEAST`
+LEAST = 32 << 10
+MAX_LOST = 1_000  # messages of one stream that are known to be missing
 RING = 40 << 10  # compressed bytes of one topic for ``PER`` seconds; the oldest are dropped beyond
 PLAIN = 16 << 20  # ... and decompressed, as they are when they are written
 PER = 70.0
@@ -23,9 +26,10 @@ SPAN = 10 * 10**9  # ns from the first message of a chunk to the last, where few
 class Ring:
     """The last messages of one topic."""
 
-    __slots__ = ("_chunks", "_open")
+    __slots__ = ("_chunks", "_open", "lost")
 
     def __init__(self) -> None:
+        self.lost: deque[int] = deque(maxlen=MAX_LOST)  # when messages came that are missing, ns
         self._chunks: deque[Chunk] = deque()
         self._open = OpenChunk()
 
@@ -46,10 +50,12 @@ class Ring:
         """Drop what is older than that, or beyond so many times the limits."""
         size = sum(len(each.data) for each in self._chunks)
         plain = sum(each.size for each in self._chunks)
-        while len(self._chunks) > 1 and (
+        while self._chunks and (
             size > RING * times or plain > PLAIN * times or self._chunks[0].end < oldest
         ):
             dropped = self._chunks.popleft()
+            if not self._chunks and dropped.end >= oldest:
+                self.lost.append(dropped.end)  # one that is larger than the ring
             size, plain = size - len(dropped.data), plain - dropped.size
 
     @property
@@ -73,32 +79,38 @@ class Rings:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._waiting: list[tuple[Stream, float, bytes]] = []
-        self._waiting_bytes = 0
+        self._waiting: list[tuple[Stream, int, bytes]] = []  # without bytes: it was dropped
+        self._bytes = Counter[Stream]()  # that wait
         self._rings: dict[Stream, Ring] = {}
-        self.dropped = 0  # messages, because `compress` was late
+        self.dropped = 0  # messages that were more than may wait
         self.keep = PER  # seconds that are kept of each stream
 
     def receive(self, stream: Stream, data: bytes, now: Instant) -> None:
-        """Append a message."""
+        """Append a message; beyond its share one of a stream is dropped, and of no other."""
         with self._lock:
-            self._waiting.append((stream, now.wall, data))
-            self._waiting_bytes += len(data)
-            if self._waiting_bytes > WAITING:
-                self.dropped += len(self._waiting)
-                self._waiting, self._waiting_bytes = [], 0
+            waiting = self._bytes[stream] + len(data)
+            all_waiting = self._bytes.total() + len(data)
+            share = LEAST if all_waiting > WAITING else QUOTA
+            if waiting > share:
+                self.dropped += 1
+                data = b""
+            self._bytes[stream] += len(data)
+            self._waiting.append((stream, int(now.wall * 1e9), data))
 
     def compress(self) -> None:
         """Take what waits into the rings."""
         with self._lock:
-            waiting, self._waiting, self._waiting_bytes = self._waiting, [], 0
-        for stream, wall, data in waiting:
-            if not is_cdr(data):
+            waiting, self._waiting, self._bytes = self._waiting, [], Counter()
+        for stream, time, data in waiting:
+            if data and not is_cdr(data):
                 continue  # rclpy decoded it; the channels say CDR
             ring = self._rings.get(stream)
             if ring is None:
                 ring = self._rings[stream] = Ring()
-            ring.append(int(wall * 1e9), data, self.keep)
+            if data:
+                ring.append(time, data, self.keep)
+            else:
+                ring.lost.append(time)
 
     def get(self, stream: Stream) -> Ring | None:
         """A stream's ring; None if nothing was received of it."""
@@ -117,4 +129,4 @@ class Rings:
     @property
     def size(self) -> int:
         """Bytes of messages in memory."""
-        return self._waiting_bytes + sum(each.size for each in self._rings.values())
+        return self._bytes.total() + sum(each.size for each in self._rings.values())

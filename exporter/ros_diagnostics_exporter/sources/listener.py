@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Zenoh
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import ZENOH, Domain, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
@@ -38,6 +38,7 @@ class Listener:
         self.ros_arguments = ros_arguments
         self._receiver = receiver
         self._log_folder: TemporaryDirectory[str] | None = None
+        self._max_message = Limits().message_bytes
         self._domains: dict[Domain, Reception] = {}  # in the order of the config
         self._addresses: frozenset[str] = frozenset()  # of this machine, when last asked
         self._joining = threading.Lock()
@@ -52,6 +53,7 @@ class Listener:
         none of them, and for those that are left at most ``LEAVE_TIME``. One that is still being
         joined, or left, stays as it is.
         """
+        self._max_message = fleet.limits.message_bytes
         self._join({each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids})
 
     def stop(self) -> None:
@@ -97,6 +99,8 @@ class Listener:
                 if each not in alive
             }
             self._domains = {each: alive.get(each) or new[each] for each in wanted} | alive
+            for domain in self._domains.values():
+                domain.max_message = self._max_message
             for domain in new.values():
                 domain.loop.start()
 

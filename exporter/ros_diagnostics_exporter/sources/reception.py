@@ -17,6 +17,7 @@ from functools import partial
 from math import inf
 from typing import Any, Protocol
 
+from ros_diagnostics_exporter.config.fleet import Limits
 from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
@@ -24,6 +25,7 @@ from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
+from ros_diagnostics_exporter.sources.pools import Pools, trim
 from ros_diagnostics_exporter.texts import one_line
 
 log = logging.getLogger(__name__)
@@ -36,7 +38,6 @@ DEPTH = 1000
 TAKE_INTERVAL = 0.1
 NOT_LOOKED = 30.0  # ... without a look at the graph after which that is a fault
 LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
-MAX_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
 # Bytes that the middleware may hold of one topic: a topic of large messages gets a shallower queue.
 MAX_HISTORY = 64 << 20
 # Seconds of one turn: for the look at the graph, for taking one topic's bytes, for decoding.
@@ -140,7 +141,8 @@ class _Spent:
 class Reception(ABC):
     """One domain: a thread that joins it, takes what arrives, and leaves it.
 
-    ``settings`` are those of the config by which it is joined.
+    ``settings`` are those of the config by which it is joined; a message of more than
+    ``max_message`` bytes is not decoded.
     """
 
     def __init__(
@@ -154,7 +156,9 @@ class Reception(ABC):
         self.settings = settings
         self.poll_interval = poll_interval
         self.receiver = receiver
+        self.max_message = Limits().message_bytes
         self.topics: dict[str, Subscription] = {}
+        self._pools = Pools()
         self.error = ""  # why it could not be joined
         self.look_error = ""  # the last one since the graph was looked at in full
         self.take_error = ""  # of the last turn's messages
@@ -275,6 +279,7 @@ class Reception(ABC):
         while not self.run_safely(partial(self._drain_all, topics)):
             pass  # the topics after the one that failed
         self._decode_waiting()
+        self.run_safely(self._give_back)
         self.take_error = self._failed
         self.last_turn = time.monotonic()
 
@@ -343,9 +348,19 @@ class Reception(ABC):
     def unsubscribe(self, name: str) -> None:
         """Take no more of a topic."""
         self.topics.pop(name).close()
+        self._pools.forget(name)
         self._waiting.pop(name, None)
         for key in [key for key in self._logged if key[0] == name]:
             del self._logged[key]
+
+    def _give_back(self) -> None:
+        """Subscribe topics anew that hold much memory for messages that no longer come."""
+        due = self._pools.take_due(time.monotonic())
+        for name in due:
+            topic = self.topics[name]
+            self._subscribe(name, topic.offer, topic.depth, topic.content)
+        if due:
+            trim()
 
     # -- messages -------------------------------------------------------------------------------
 
@@ -364,12 +379,12 @@ class Reception(ABC):
     def _drain(self, name: str, topic: Subscription, taken: Any) -> None:
         """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
         until = time.monotonic() + DRAIN_TIME
-        largest = 0
+        largest = number = 0
         topic.content.received = True
         while taken is not None:
             self.measure(topic.content.link, taken)
             data = self.data(taken)
-            largest = max(largest, len(data))
+            largest, number = max(largest, len(data)), number + 1
             self._put(name, topic.content, data, self.number(taken))
             taken = topic.take() if time.monotonic() < until else None
         dropped = topic.content.queue.dropped()
@@ -382,16 +397,17 @@ class Reception(ABC):
                 "the oldest first; counted as rate",
                 dropped,
             )
+        self._pools.note(name, largest, number, time.monotonic())
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
             self._subscribe(name, topic.offer, depth, topic.content)
 
     def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
-        if len(data) <= MAX_MESSAGE:
+        if len(data) <= self.max_message:
             content.queue.put(data, number)
             self._waiting[name] = content
         else:
-            error = f"{len(data)} bytes, more than {MAX_MESSAGE} are not decoded"
+            error = f"{len(data)} bytes, more than {self.max_message} are not decoded"
             self._undecodable(name, error, read_clocks())
 
     def _decode_waiting(self) -> None:

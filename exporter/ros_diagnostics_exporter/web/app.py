@@ -278,7 +278,7 @@ def build(
         HTTPException: _http_error,
     }
     middleware = [
-        Middleware(AccessControl, web_config=web_config, logins=threads.logins),
+        Middleware(AccessControl, web_config, threads.logins, backend.rejected_logins),
         Middleware(ResponseLimiter, limit=ResponseLimit(connections)),
     ]
     return Starlette(routes=routes, exception_handlers=errors, middleware=middleware)

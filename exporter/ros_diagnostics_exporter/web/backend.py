@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.model import Part, Person
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 
 
 class Backend(Protocol):
@@ -14,6 +15,8 @@ class Backend(Protocol):
 
     The methods are called from worker threads, up to four at once, and may block.
     """
+
+    rejected_logins: RejectedLogins
 
     def render_metrics(self, openmetrics: bool, parts: frozenset[Part], /) -> Sequence[bytes]:
         """These parts of the exposition, as OpenMetrics or in the text format 0.0.4, in pieces."""

@@ -23,6 +23,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.web.connections import MAX_HEADER_BYTES
 from ros_diagnostics_exporter.web.pages import SCRIPT, STYLE
 from ros_diagnostics_exporter.web.responses import BusyError, Workers
@@ -53,8 +54,12 @@ class Logins:
         self._secret = secrets.token_bytes(32)
         self._valid: OrderedDict[bytes, None] = OrderedDict()
 
-    async def allows(self, users: Mapping[str, str], header: str) -> bool:
+    async def allows(
+        self, users: Mapping[str, str], header: str, *, only_known: bool = False
+    ) -> bool:
         """Whether ``header`` is a valid login of one of ``users`` (name -> bcrypt hash).
+
+        ``only_known``: one that was verified before.
 
         Raises:
             BusyError: Too many logins are waiting to be checked.
@@ -67,6 +72,8 @@ class Logins:
         digest = self._digest(user, hashed, password)
         if digest in self._valid:
             return True
+        if only_known:
+            return False
         valid = await self._workers.run(_matches, password, hashed) and user in users
         if valid:
             self._cache(digest)
@@ -182,6 +189,7 @@ _TWO_LENGTHS = PlainTextResponse(
     "Content-Length and Transfer-Encoding exclude each other\n", 400, _CLOSE
 )
 _RATE_LIMITED = PlainTextResponse("too many requests\n", 429, {"Retry-After": "1"})
+_PAUSED = PlainTextResponse("too many wrong passwords\n", 429, {"Retry-After": "60"})
 _BUSY = PlainTextResponse("too many logins are waiting\n", 503, {"Retry-After": "1"})
 _UNAUTHORIZED = PlainTextResponse(
     "Unauthorized\n",
@@ -193,8 +201,11 @@ _UNAUTHORIZED = PlainTextResponse(
 class AccessControl:
     """ASGI middleware around the whole application."""
 
-    def __init__(self, app: ASGIApp, web_config: LiveWebConfig, logins: Logins) -> None:
+    def __init__(
+        self, app: ASGIApp, web_config: LiveWebConfig, logins: Logins, rejected: RejectedLogins
+    ) -> None:
         self._app = app
+        self._rejected = rejected
         self._web_config = web_config
         self._logins = logins
         self._buckets = Buckets()
@@ -212,10 +223,16 @@ class AccessControl:
         users = config.basic_auth_users
         if not users:
             return self._app
+        header, address = Headers(scope=scope).get("authorization", ""), connection.address
+        has_pause = self._rejected.has_pause(address, now)
         try:
-            valid = await self._logins.allows(users, Headers(scope=scope).get("authorization", ""))
+            valid = await self._logins.allows(users, header, only_known=has_pause)
         except BusyError:
             return _BUSY
+        if header and not valid:  # a browser asks without one first
+            self._rejected.note(address, now)
+        if has_pause and not valid:
+            return _PAUSED
         connection.authenticated |= valid
         return self._app if valid else _UNAUTHORIZED
 

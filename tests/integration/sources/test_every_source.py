@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import pytest
 from std_msgs.msg import String
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Zenoh
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Robot, Zenoh
 from ros_diagnostics_exporter.config.keys import validated
 from ros_diagnostics_exporter.model import ALL_PARTS, Status
-from ros_diagnostics_exporter.sources.reception import MAX_MESSAGE
 from support.recordings import CASES, aggregated
 from support.ros_publisher import Publisher, publisher
 from support.zenoh_robots import Bridge
@@ -155,7 +154,7 @@ def test_beyond_the_queue_the_newest_is_received_and_the_rest_is_counted(
         b"",
         b"\x00",
         b"\x00\x01\x00\x00" + b"\xff" * 24,
-        b"\x00\x01\x00\x00" + b"m" * MAX_MESSAGE,
+        b"\x00\x01\x00\x00" + b"m" * Limits().message_bytes,
     ],
     ids=["empty", "one byte", "lies about its length", "too long"],
 )

@@ -374,12 +374,83 @@ def test_a_topic_of_which_more_is_kept_has_more_memory():
 
 
 def test_what_nobody_compresses_is_dropped_and_counted(monkeypatch):
-    monkeypatch.setattr(rings_module, "WAITING", 1_000)
+    monkeypatch.setattr(rings_module, "QUOTA", 1_000)
     rings = Rings()
     for second in range(20):
         rings.receive(Stream(TOPICS[0]), message(second), at(second))
-    assert rings.dropped + len(rings._waiting) == 20
+    kept = sum(bool(data) for _stream, _time, data in rings._waiting)
+    assert 0 < kept < 20
+    assert rings.dropped + kept == 20
     assert rings.size <= 1_000
+
+
+def test_a_topic_of_large_messages_drops_none_of_others():
+    """Five arrays of 4 MB a second dropped all that waited, of all robots."""
+    rings, large = Rings(), Topic(0, "/x/diagnostics")
+    others = [Topic(0, f"/r{number}/diagnostics") for number in range(20)]
+    for second in range(60):
+        for _ in range(5):
+            rings.receive(Stream(large), b"\0\1\0\0" + bytes(4_000_000), at(second))
+        for topic in others:
+            rings.receive(Stream(topic), message(second), at(second))
+        rings.compress()
+    assert rings.dropped == 300 == len(rings.get(Stream(large)).lost)
+    for topic in others:
+        chunks = rings.get(Stream(topic)).chunks(0, 1 << 62)
+        assert sum(len(list(each.messages())) for each in chunks) == 60
+
+
+def test_many_topics_are_limited_together():
+    rings = Rings()
+    for number in range(1_000):
+        for _ in range(20):
+            rings.receive(Stream(Topic(0, f"/r{number}")), b"\0\1\0\0" + bytes(10_000), at(0))
+    assert rings.size <= 3 * rings_module.WAITING
+
+
+def test_a_recording_says_what_it_lacks(recordings, monkeypatch):
+    monkeypatch.setattr(rings_module, "QUOTA", 60)
+    receive(recordings.rings, TOPICS[0], range(90, 100))
+    monkeypatch.undo()
+    receive(recordings.rings, TOPICS[0], range(100, 111))
+    fault, _fleet = opened(recording(recordings)).iter_attachments()
+    assert json.loads(fault.data)["missing_messages"] == {TOPICS[0].name: 10}
+
+
+def test_a_message_larger_than_the_ring_leaves_no_memory_and_is_missing():
+    rings, noise = Rings(), random.Random(1)
+    rings.receive(Stream(TOPICS[0]), b"\0\1\0\0" + noise.randbytes(900_000), at(1))
+    rings.compress()
+    assert rings.size < RING
+    assert len(rings.get(Stream(TOPICS[0])).lost) == 1
+
+
+def test_a_planted_link_is_not_written_through(tmp_path, recordings):
+    other = tmp_path / "others"
+    other.write_text("precious")
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    (folder / f"{FAULT}-{BEGAN.time:.0f}.part").symlink_to(other)
+    receive(recordings.rings, TOPICS[0], range(111))
+    recording(recordings)
+
+    assert other.read_text() == "precious"
+    [written] = folder.glob("*.mcap")
+    assert not written.is_symlink()
+    assert written.stat().st_mode & 0o777 == 0o600
+
+
+def test_nothing_is_written_or_removed_in_a_folder_that_is_a_link(tmp_path, recordings):
+    (tmp_path / "others").mkdir()
+    old = tmp_path / "others" / "old.mcap"
+    old.write_bytes(b"")
+    os.utime(old, (0, 0))
+    (tmp_path / "kept").symlink_to(tmp_path / "others")
+    receive(recordings.rings, TOPICS[0], range(111))
+    recordings.note(FAULT, BEGAN, at(100))
+    with pytest.raises(OSError, match="is a link"):
+        recordings.turn(at(110))
+    assert list((tmp_path / "others").iterdir()) == [old]
 
 
 def test_a_config_that_cannot_be_read_is_said(tmp_path):

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.faults.model import OwnReport, Scope
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.fleet.unmatched import Unmatched
 from ros_diagnostics_exporter.model import Endpoint, Instant, Level
+from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.storage.pruning import Early
 
@@ -43,6 +44,7 @@ class Parts:
         self.alertmanager: Any = SimpleNamespace(answers=lambda _now: True)
         self.exposition = SimpleNamespace(series={"a": 800, "b": 100})
         self.loop = SimpleNamespace(name="unmatched", last_turn=WALL + 1e6, interval=60.0)
+        self.rejected_logins = RejectedLogins()
         self.found: list[Any] = []
         self.check = SelfCheck(self, at(0))  # type: ignore[arg-type]
 
@@ -67,7 +69,7 @@ def test_nothing_is_wrong_with_an_exporter_that_works(parts):
     reports = {each.part: each.level for each in parts.check.reports(at(1000))}
     assert reports == dict.fromkeys(
         (
-            *("fleet.yml", "entries of fleet.yml", "database", "history", "Alertmanager"),
+            *("fleet.yml", "entries of fleet.yml", "database", "history", "logins", "Alertmanager"),
             *("queries", "domain 7", "loop unmatched", "robots", "series", "rejections"),
         ),
         OK,

@@ -6,6 +6,7 @@ import threading
 import bcrypt
 import pytest
 
+from ros_diagnostics_exporter import rejected_logins
 from ros_diagnostics_exporter.web import middleware
 from ros_diagnostics_exporter.web.middleware import Buckets
 from ros_diagnostics_exporter.web.server import Server
@@ -37,7 +38,9 @@ def protected(tmp_path_factory):
     path.write_text(f"basic_auth_users: {{alice: {hashed(PASSWORD)}}}")
     server = Server(FakeBackend(), listen=["127.0.0.1:0"], web_config=path)
     server.start()
-    yield server
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rejected_logins, "ALLOWED", 1_000)  # those of all tests
+        yield server
     server.stop()
 
 
@@ -207,3 +210,17 @@ def test_a_bucket_refills_up_to_its_burst():
     assert [buckets.take("a", 1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
     assert [buckets.take("a", 1.0, 2, 101.0) for _ in range(2)] == [True, False]
     assert [buckets.take("a", 1.0, 2, 900.0) for _ in range(3)] == [True, True, False]
+
+
+def test_after_too_many_wrong_passwords_an_address_has_a_pause(serve, web_config, monkeypatch):
+    """Who has logged in before is let in: behind a proxy all have one address."""
+    monkeypatch.setattr(rejected_logins, "ALLOWED", 10)
+    server = serve(web_config=web_config)
+    right = basic("alice", PASSWORD)
+    assert ask(server, "/metrics", Authorization=right).status == 200
+    for number in range(12):
+        answer = ask(server, "/metrics", Authorization=basic("alice", str(number)))
+        assert answer.status == (401 if number < 11 else 429)
+    assert answer.headers["Retry-After"] == "60"
+    assert ask(server, "/metrics", Authorization=right).status == 200
+    assert ask(server, "/metrics").status == 429
