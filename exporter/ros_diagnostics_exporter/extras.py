@@ -10,6 +10,7 @@ EXTRAS = {
     "backtest": ("rosbags>=0.10,<0.12",),
     "icalendar": ("icalendar>=6.1,<8",),
     "mail": ("aiosmtpd>=1.4.6,<2",),
+    "mcp": ("mcp>=2.3,<3",),
     "ros": ("ros-jazzy-common-interfaces>=5.3,<6", "ros-jazzy-rclpy[fastrtps]>=7.1.5,<7.2"),
     "zenoh": ("eclipse-zenoh>=1.10,<2",),
 }

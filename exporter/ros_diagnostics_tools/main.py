@@ -44,6 +44,7 @@ COMMANDS = {
     "mail-relay": "Attach recordings to Alertmanager's mails.",
     "nagios": "Come from Nagios: import its files, compare its log.",
     "check-config": "Check fleet.yml.",
+    "mcp": "Answer an assistant's questions about the fleet, read only.",
     "test-page": "Send a test alert through the real routes.",
 }
 

@@ -62,7 +62,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
             "yaml_nodes",
         ),
         ("servers",),
-        ("autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
+        ("ask", "autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
         ("mail_server",),
         ("check_nagios", "commands"),
         ("main",),

@@ -46,6 +46,7 @@ def test_the_exporter_builds_and_runs_in_a_colcon_workspace(tmp_path):
     assert commands == set(scripts)
     index = installed / "share/ament_index/resource_index/packages/ros_diagnostics_exporter"
     assert index.exists()
+    assert (installed / "share/ros_diagnostics_exporter/launch/exporter.launch.py").exists()
     (packages,) = installed.glob("lib/python*/site-packages")
     shipped = {each.name for each in packages.rglob("*") if each.suffix in (".json", ".yaml")}
     ours = {
