@@ -186,9 +186,16 @@ def plan_downtime(
     Returns what was done, as an event.
 
     Raises:
+        LookupError: One that is planned already covers it.
         UnreachableError: No Alertmanager answers.
     """
     robot, component, seconds = of
+    for each in alertmanager.silences(fleet):
+        known = downtime_of(each, fleet)
+        if known is None or known[:2] not in {(robot, ""), (robot, component)}:
+            continue
+        if known.start <= now and known.end >= now + seconds:
+            raise LookupError(f"a downtime of {known.author} covers it already")
     begin, end = (datetime.fromtimestamp(each, timezone.utc) for each in (now, now + seconds))
     matchers = downtime_matchers(fleet, robot, component)
     alertmanager.add(plain_silence(matchers, begin, end, *_words(person)))

@@ -13,7 +13,7 @@ import re
 import secrets
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple
-from urllib.parse import parse_qsl, quote, urlsplit
+from urllib.parse import parse_qsl, quote, unquote, urlsplit
 
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
@@ -197,4 +197,8 @@ async def _fields(request: Request) -> dict[str, str]:
     fields = dict(pairs)
     if len(fields) != len(pairs):
         raise _RejectedError(400, "A field of the form is there twice.")
-    return fields
+    # In a page's forms they are quoted: as they are, a browser changes control characters of them.
+    return {
+        name: unquote(text) if name in {"robot", "component"} else text
+        for name, text in fields.items()
+    }

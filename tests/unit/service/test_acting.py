@@ -121,6 +121,30 @@ def planned(robot: str, component: str, hours: float, name: str) -> dict[str, An
     return as_listed(by.added[0]) | {"id": name}
 
 
+@pytest.mark.parametrize(
+    ("robot", "component", "hours", "is_covered"),
+    [
+        ("r", "Motor 1", 2, True),
+        ("r", "Motor 1", 1, True),
+        ("r", "Motor 1", 3, False),
+        ("r", "Motor 2", 1, False),
+        ("r", "", 1, False),
+        ("s", "Motor 1", 1, False),
+        ("t", "Motor 1", 2, True),
+    ],
+)
+def test_a_downtime_that_another_covers_is_not_planned(robot, component, hours, is_covered):
+    """One login planned 100 of them in a second."""
+    known = [planned("r", "Motor 1", 2, "a"), planned("t", "", 2, "b")]
+    by = FakeAlertmanager(silences=known)
+    if is_covered:
+        with pytest.raises(LookupError, match="a downtime of ann covers it already"):
+            plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
+    else:
+        plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
+    assert len(by.added) == (not is_covered)
+
+
 def test_just_the_downtime_that_is_meant_is_cancelled():
     known = [
         planned("r", "Motor 1", 1, "mine"),

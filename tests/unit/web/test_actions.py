@@ -7,6 +7,7 @@ import http.client
 import logging
 import re
 from contextlib import closing
+from html import unescape
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -96,11 +97,23 @@ def test_a_form_plans_a_downtime_of_a_robot_or_a_component(site, part, of):
     assert (answer.status, len(site.done)) == (400, 1)
 
 
+@pytest.mark.parametrize("name", ["a\tb", "a\r\nb", "\x1b[31m", "a\u202eb", "50%25", "<Motor> 1"])
+def test_a_component_of_any_name_can_be_chosen_as_the_page_offers_it(serve, tmp_path, name):
+    known = robot("a", component(name, "ERROR"), problems=[broken(name, fault=FAULT)])
+    site = Site(serve, tmp_path, fleet_snapshot=lambda: fleet(known))
+    page = site.page("/robots/a").text
+    [offered] = re.findall(r'<option value="([^"]+)">', page)
+    form = {"token": site.token(path="/robots/a"), "robot": "a", "component": unescape(offered)}
+    answer = site.post("/-/downtime", form | {"for": "2h", "comment": "new gears"})
+    assert answer.status == 303
+    assert site.done[0][:2] == ("a", name)
+
+
 def test_a_form_cancels_the_downtime_that_its_page_shows(site):
     page = site.page("/robots/a").text
     assert page.count('action="../-/cancel-downtime"') == 2
     [until] = re.findall(
-        r'value="&lt;Motor&gt; 1"><input type=hidden name=until value="(.+)"', page
+        r'value="%3CMotor%3E%201"><input type=hidden name=until value="(.+)"', page
     )
     form = {"token": site.token(), "robot": "a", "component": "<Motor> 1", "until": until}
     answer = site.post("/-/cancel-downtime", form | {"comment": "done"})
