@@ -11,7 +11,8 @@ import ctypes
 from dataclasses import dataclass
 
 LARGE = 256 << 10  # bytes of a message whose memory matters
-BUDGET = 128 << 20  # bytes that the middleware may hold of all topics of a domain
+BUDGET = 64 << 20  # bytes that the middleware may hold of all topics of a domain
+MOST = 20  # topics that are subscribed anew in one turn, which costs others their time
 PAUSE = 1.0  # seconds without a message after which a topic has paused
 
 
@@ -40,7 +41,7 @@ class Pools:
         total = sum(each.size for each in self._held.values())
         due: list[str] = []
         for topic, held in sorted(self._held.items(), key=lambda item: -item[1].size):
-            if total > BUDGET or now - held.last >= PAUSE:
+            if len(due) < MOST and (total > BUDGET or now - held.last >= PAUSE):
                 due.append(topic)
                 total -= held.size
                 del self._held[topic]

@@ -29,6 +29,14 @@ def test_beyond_the_budget_those_with_most_are_due_at_once():
     assert held.take_due(0.0) == ["/9", "/8"]
 
 
+def test_a_turn_has_time_for_a_few_topics():
+    held = Pools()
+    for number in range(pools.MOST + 5):
+        held.note(f"/{number}", LARGE, 1, 0.0)
+    assert len(held.take_due(9.0)) == pools.MOST
+    assert len(held.take_due(9.0)) == 5
+
+
 def test_one_that_is_no_longer_subscribed_is_never_due():
     held = Pools()
     held.note("/a", LARGE, 1, 0.0)
