@@ -81,6 +81,7 @@ class Rings:
         self._lock = threading.Lock()
         self._waiting: list[tuple[Stream, int, bytes]] = []  # without bytes: it was dropped
         self._bytes = Counter[Stream]()  # that wait
+        self._all_bytes = 0  # of these
         self._rings: dict[Stream, Ring] = {}
         self.dropped = 0  # messages that were more than may wait
         self.keep = PER  # seconds that are kept of each stream
@@ -89,18 +90,19 @@ class Rings:
         """Append a message; beyond its share one of a stream is dropped, and of no other."""
         with self._lock:
             waiting = self._bytes[stream] + len(data)
-            all_waiting = self._bytes.total() + len(data)
-            share = LEAST if all_waiting > WAITING else QUOTA
+            share = LEAST if self._all_bytes + len(data) > WAITING else QUOTA
             if waiting > share:
                 self.dropped += 1
                 data = b""
             self._bytes[stream] += len(data)
+            self._all_bytes += len(data)
             self._waiting.append((stream, int(now.wall * 1e9), data))
 
     def compress(self) -> None:
         """Take what waits into the rings."""
         with self._lock:
-            waiting, self._waiting, self._bytes = self._waiting, [], Counter()
+            waiting, self._waiting = self._waiting, []
+            self._bytes, self._all_bytes = Counter(), 0
         for stream, time, data in waiting:
             if data and not is_cdr(data):
                 continue  # rclpy decoded it; the channels say CDR
@@ -129,4 +131,4 @@ class Rings:
     @property
     def size(self) -> int:
         """Bytes of messages in memory."""
-        return self._bytes.total() + sum(each.size for each in self._rings.values())
+        return self._all_bytes + sum(each.size for each in self._rings.values())

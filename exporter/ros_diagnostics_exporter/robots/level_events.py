@@ -31,21 +31,21 @@ class _Minute:
 
 
 class LevelEvents:
-    """Appends the events of one robot to ``events``."""
+    """Appends the events of one robot to ``events``; ``minutes`` are under way, by their begin."""
 
     def __init__(self, robot: str, events: deque[Event]) -> None:
         self._robot = robot
         self._events = events
-        self._minutes: dict[Component, _Minute] = {}
+        self.minutes: dict[Component, _Minute] = {}
 
     def record(self, component: Component, before: int, now: Instant, after: str = "") -> None:
         """Record that a level changed; the first one where it is trouble."""
         if before < 0 and component.level == OK and not after:
             return
-        minute = self._minutes.get(component)
+        minute = self.minutes.get(component)
         if minute is None or after or now.mono >= minute.begin + MINUTE:
             self._end(component, now)
-            self._minutes[component] = _Minute(now.mono)
+            self.minutes[component] = _Minute(now.mono)
         elif minute.events < MOST:
             minute.events += 1
         else:
@@ -54,22 +54,22 @@ class LevelEvents:
             return
         self._append(component, before, now, after or _NAMES[component.level], component.message)
         if after:  # it is gone
-            del self._minutes[component]
+            del self.minutes[component]
 
     def tick(self, now: Instant) -> None:
         """End the minutes that are over."""
         while self.next_tick <= now.mono:
-            self._end(next(iter(self._minutes)), now)
+            self._end(next(iter(self.minutes)), now)
 
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do."""
-        for minute in self._minutes.values():  # in the order of their begin
+        for minute in self.minutes.values():  # in the order of their begin
             return minute.begin + MINUTE
         return inf
 
     def _end(self, component: Component, now: Instant) -> None:
-        minute = self._minutes.pop(component, None)
+        minute = self.minutes.pop(component, None)
         if minute is not None and minute.counted:
             text = f"changed {minute.counted} times in {now.mono - minute.begin:.0f} s"
             message = f"{text}; {component.message}"

@@ -334,7 +334,9 @@ class RobotState:
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
-        due = min(self.components.next_late, self._levels.next_tick)
+        due = self.components.next_late
+        if self._levels.minutes:  # asked with each message, and most robots have none
+            due = min(due, self._levels.next_tick)
         if self.up and self.last_mono is not None and not self._has_no_ros:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
