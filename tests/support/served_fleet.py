@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.silences import Acknowledgement
@@ -81,7 +81,7 @@ class ServedFleet:
         )
         reloader = SimpleNamespace(successful=True, time=at)
         storage = SimpleNamespace(successful=True, written_at=at, early=SimpleNamespace(counts={}))
-        return SimpleNamespace(
+        stand_in = SimpleNamespace(
             state=self.state,
             exposition=self._exposition,
             listener=listener,
@@ -89,6 +89,8 @@ class ServedFleet:
             storage=storage,
             alertmanager=None,
             canary=self.canary,
+            rejected_logins=SimpleNamespace(total=0),
+            recording_dropped=0,
             ros=("jazzy", "none"),
             loops=list,
             outcomes=list,
@@ -96,6 +98,9 @@ class ServedFleet:
             scrape_seconds=0.0,
             week=None,
         )
+        needed = {name for name in {*Exporter.__annotations__, *vars(Exporter)} if name[0] != "_"}
+        assert needed <= vars(stand_in).keys(), needed - vars(stand_in).keys()
+        return stand_in
 
 
 def _read_clocks() -> Instant:
