@@ -41,6 +41,7 @@ class Exporter:
         fleet = folder / "fleet.yml"
         fleet.write_text(
             f"fleet: f\nprofiles: {{default: {{stale_after: {STALE_AFTER:.0f}s}}}}\n"
+            f"limits: {{message_bytes: {4 << 20}}}\n"
             f"robots:\n{robots}"
             f'discovery: [{{topic: "/x{{robot}}/diagnostics", domain_ids: [{domain}]}}]\n'
         )

@@ -26,6 +26,7 @@ def running(ros_domain, robots, run_exporter):
             Robot(name, ros_domain, topic_raw=f"/{name}/diagnostics", source=Source.RAW)
             for name in ("bad", "good")
         ),
+        limits=Limits(message_bytes=16 << 20),
     )
     started = run_exporter(fleet)
     for robot in fleet.robots:

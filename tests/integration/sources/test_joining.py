@@ -176,7 +176,8 @@ def test_a_domain_whose_thread_stands_still_is_not_ready(
 
 def test_large_messages_wait_in_a_shallower_queue(ros_domain, robots, run_exporter):
     """Of 3 MiB, 21 are 64 MiB: so many are kept while the domain's thread cannot take them."""
-    running = run_exporter(Fleet("f", (robot("r", ros_domain),), limits=Limits(components=50)))
+    limits = Limits(components=50, message_bytes=4 << 20)
+    running = run_exporter(Fleet("f", (robot("r", ros_domain),), limits=limits))
     robots.offer("/r/diagnostics")
     robots.wait_for_listeners()
     large = COOL._replace(message="m" * (3 << 20))

@@ -112,16 +112,19 @@ def test_clients_without_a_password_do_not_block_prometheus(site, attack, tmp_pa
 def test_the_memory_of_unread_events_is_limited(site, attack):
     exporter = site.serve()
     with publisher(site.domain_id) as robot:
-        robot.offer("/robot_1/diagnostics_agg")
+        topics = [f"/robot_{number}/diagnostics_agg" for number in range(10)]
+        for topic in topics:
+            robot.offer(topic)
         robot.wait_for_listeners()
 
         levels = cycle((Level.ERROR, Level.OK))
 
         def change() -> bool:
             """Whether there were as many changes as events are kept."""
-            level, message = next(levels), f"{time.monotonic()} " + "\N{ROBOT FACE}" * 4_000
+            level, message = next(levels), f"{time.monotonic()} " + "\N{ROBOT FACE}" * 200
             arms = [Status(level, f"/Arm/Arm {number}", message) for number in range(100)]
-            robot.send("/robot_1/diagnostics_agg", Status(level, "/Arm", ""), *arms)
+            for topic in topics:
+                robot.send(topic, Status(level, "/Arm", ""), *arms)
             return changes(scrape(site.port)) >= EVENTS
 
         until(change, exporter.describe, seconds=120)
