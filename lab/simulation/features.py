@@ -223,7 +223,11 @@ class World:
         if by in lasting:
             return True
         view = views[by]
-        return view.suppressed in BY_A_PERSON or self._is_reported(view.by, views, lasting)
+        # What is named need not be the only one that explains: where a fault explained it until
+        # now, one that is not due yet may be named first.
+        if view.suppressed in BY_A_PERSON or view.due > self.player.at(self.second).wall:
+            return True
+        return self._is_reported(view.by, views, lasting)
 
 
 def _configured(robot: str) -> Event:
