@@ -1,7 +1,7 @@
 """What the middleware holds of topics with large messages, and when it is to be given back.
 
 A subscription keeps the memory that its largest messages needed until it ends. So a topic that had
-large ones is subscribed anew once nothing comes any more, or at once where all of them together
+large ones is subscribed anew once nothing comes any more, and sooner where all of them together
 hold too much: anybody may invent topics, each with one large message.
 """
 
@@ -13,7 +13,10 @@ from dataclasses import dataclass
 LARGE = 256 << 10  # bytes of a message whose memory matters
 BUDGET = 64 << 20  # bytes that the middleware may hold of all topics of a domain
 MOST = 20  # topics that are subscribed anew in one turn, which costs others their time
-PAUSE = 1.0  # seconds without a message after which a topic has paused
+PAUSE = 10.0  # seconds without a message after which a topic has paused
+# ... where all together hold too much. Between two subscriptions of a topic messages are lost, so
+# one that is being received keeps its own.
+SHORT_PAUSE = 1.0
 
 
 @dataclass(slots=True)
@@ -41,7 +44,8 @@ class Pools:
         total = sum(each.size for each in self._held.values())
         due: list[str] = []
         for topic, held in sorted(self._held.items(), key=lambda item: -item[1].size):
-            if len(due) < MOST and (total > BUDGET or now - held.last >= PAUSE):
+            pause = SHORT_PAUSE if total > BUDGET else PAUSE
+            if len(due) < MOST and now - held.last >= pause:
                 due.append(topic)
                 total -= held.size
                 del self._held[topic]
