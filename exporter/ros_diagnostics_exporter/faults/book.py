@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.faults.records import (
     Problem,
     RobotRecord,
     RowKey,
+    Subject,
 )
 from ros_diagnostics_exporter.loops import Timers
 
@@ -105,6 +106,12 @@ class Book:
             if follows != record.noted:
                 record.noted = follows
                 self.followed[record.robot.name] = None
+
+    def explain_until(self, subject: Subject, until: float) -> None:
+        """Count confirm_after from ``until`` (monotonic) on, or from later as before."""
+        if until > subject.explained_until:
+            subject.explained_until = until
+            self.written[subject.row] = None
 
     # -- records -----------------------------------------------------------------------------
 

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults.records import Problem
 from ros_diagnostics_exporter.faults.suppression import CLOCK_TOLERANCE
 from ros_diagnostics_exporter.model import Instant
 
+EVIDENCE_LENGTH = 4096  # characters
 _CLOCK_SET = 1.0  # seconds between both clocks after which the wall clock was set
 
 
@@ -45,9 +46,6 @@ def set_hours_timer(book: Book, now: Instant) -> None:
 def clock_was_set(book: Book, now: Instant) -> bool:
     """Whether the wall clock was set since the timer of the hours was, which is then wrong."""
     return abs(now.wall - now.mono - book.clock_offset) > _CLOCK_SET
-
-
-EVIDENCE_LENGTH = 4096  # characters
 
 
 def settle(book: Book, now: Instant) -> list[Change]:

@@ -87,7 +87,7 @@ def cut_off(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> Non
     elif since is not None:
         until = now.mono + min(now.mono - since, TIME_TO_RETURN)
         for problem in robot.all_problems():
-            problem.subject.explained_until = max(problem.subject.explained_until, until)
+            book.explain_until(problem.subject, until)
     _count_anew(book, robot, now)
 
 

@@ -1,6 +1,6 @@
 """Why a problem begins no fault: one problem explains another, and what people planned.
 
-"P explains C" is one edge with one rule, whoever knows of it: C is suppressed only while P is a
+"P explains C" is one edge with one rule, whatever P is: C is suppressed only while P is a
 fault, or can still become one in time, and P is at least as severe as C or says at least as much
 about it. Once P is over, C has as long as P lasted to be healthy too, a minute at most, and then
 its confirm_after.
@@ -36,7 +36,8 @@ CLOCK_TOLERANCE = 0.001  # seconds by which a time that is computed by two clock
 _PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}
 _OF_SITE = (State.SILENT, State.FLAPPING)  # what the silence of a site explains
 # What a component that fails explains of those that depend on it; STALE only explains STALE.
-_FAILURES = {State.CRITICAL, State.FLAPPING, State.STALE}
+_FRESH_FAILURES = (State.CRITICAL, State.FLAPPING)
+_FAILURES = (*_FRESH_FAILURES, State.STALE)
 
 
 class Edge(NamedTuple):
@@ -184,8 +185,9 @@ def is_explained(
     What its uplink's downtime plans is unreachable, too.
     """
     problems, reasons = list(problems), set(reasons)
-    planned = (each for each in problems if _is_planned_silence(book, each))
-    return (Reason.UNREACHABLE in reasons and next(planned, None) is not None) or any(
+    if Reason.UNREACHABLE in reasons and any(_is_planned_silence(book, each) for each in problems):
+        return True
+    return any(
         edge.reason in reasons and _holds(book, edge, each, now)
         for each in problems
         for edge in edges(book, each, now)
@@ -313,13 +315,13 @@ def _common_to_all(book: Book, capability: CapabilityRecord) -> Iterator[Edge]:
 
 def _depended_on(problem: Problem, component: ComponentRecord) -> Iterator[Edge]:
     components = component.robot.components
+    states = _FAILURES if problem.verdict is Verdict.ABSENT else _FRESH_FAILURES
     for name in component.settings.depends_on:
         other = components.get(ComponentName(*name))
-        for state in _FAILURES if other is not None else ():
-            failure = other.problems.get(state) if other is not None else None
-            stale_only = state is State.STALE and problem.verdict is not Verdict.ABSENT
-            if failure is not None and not stale_only:
-                yield Edge(Reason.DEPENDS_ON, failure, is_specific=True)
+        if other is not None:
+            for state in states:
+                if state in other.problems:
+                    yield Edge(Reason.DEPENDS_ON, other.problems[state], is_specific=True)
 
 
 def _of_itself(problem: Problem, component: ComponentRecord) -> Iterator[Edge]:
@@ -467,7 +469,4 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
         bound = until
         if explainer.fault is None and problem.waits_since is not None:
             bound = min(until, latest(book, problem, now))
-        subject = problem.subject if explainer.capability is None else problem
-        if bound > subject.explained_until:
-            subject.explained_until = bound
-            book.written[subject.row] = None
+        book.explain_until(problem.subject if explainer.capability is None else problem, bound)
