@@ -268,8 +268,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_events_deleted_early_total",
             "counter",
-            "Events that were deleted for want of room before --storage.retention.time, by robot; "
-            "absent with --storage.path=none.",
+            "Events that were deleted before --storage.retention.time because the database was "
+            "full, by robot; absent with --storage.path=none.",
             (*EXPORTER, "robot"),
         ),
         lambda exporter: (

@@ -66,8 +66,8 @@ class Storage:
     """Reads the database at the start and writes it from then on.
 
     ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
-    ``is_crowded``: what is kept of robots leaves no room for events, of which the newest are kept.
-    ``early``: whose events went for want of room.
+    ``is_crowded``: what is kept of robots fills the database, and only the newest events are kept.
+    ``early``: whose events went because the database was full.
 
     Args:
         path: The database; its folder is made if the one above it is there.
