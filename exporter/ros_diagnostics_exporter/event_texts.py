@@ -39,6 +39,10 @@ def event_text(event: dict[str, Any]) -> str:
         what = _BY_FORM.get(after, f"{after} by a form")
         of = subject(_complete(event)) if event.get("scope") else event.get("component", "")
         words = f"{what} by {event.get('author', '?')}{of and f', {of}'}"
+    elif kind == "goal":
+        words = f"a goal of {event['component']} was {after}"
+    elif kind == "intervention":
+        words = "intervention"
     elif kind in {"notified", "acknowledged"}:
         words = f"{_done(event)}: {problem_state(event)} {subject(_complete(event))}"
     else:

@@ -16,7 +16,7 @@ from typing import Any
 
 KINDS = (
     *("level", "condition", "fault_began", "fault_ended"),
-    *("notified", "acknowledged", "action", "robot", "graph", "config"),
+    *("notified", "acknowledged", "action", "robot", "graph", "config", "goal", "intervention"),
 )
 # Of faults, and of what people did about them: no other event takes their place.
 OF_FAULTS = frozenset(("fault_began", "fault_ended", "notified", "acknowledged", "action"))
@@ -34,13 +34,14 @@ class Event:
     suppress a problem), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
     (Alertmanager sent it to a receiver), ``acknowledged``, ``action`` (a person acknowledged a
     fault, planned or cancelled a downtime by a form of a page), ``robot`` (known, forgotten,
-    silent or back), ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or
-    rejected).
+    silent or back), ``graph`` (``message`` says what the ROS graph shows), ``config`` (read or
+    rejected), ``goal`` (one was aborted) or ``intervention`` (a robot no longer works by itself);
+    the message of these says what else was wrong with the robot.
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
     received, silent, known, forgotten, read, rejected, firing or resolved, of a condition
-    suppressed or
-    judged, of an action acknowledged, downtime or cancelled. Of a component that is not OK when
-    first received, ``before`` is "". A field that does not apply is "", or None.
+    suppressed or judged, of a goal aborted, of an action acknowledged, downtime or cancelled. Of a
+    component that is not OK when first received, ``before`` is "". A field that does not apply is
+    "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in
@@ -49,7 +50,8 @@ class Event:
     is its evidence, or what was received when it ended. ``reason`` says how it ended: ``recovered``
     (a fresh lower level) or ``removed`` (by a person or the config).
 
-    ``details`` is its evidence as fields, of one that began.
+    ``details`` is its evidence as fields, of one that began; of a goal and an intervention the
+    ``problems`` of the robot at that moment.
 
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
     ``author`` acknowledged it, or did what the action is, with the words in ``message``.

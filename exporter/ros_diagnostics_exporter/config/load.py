@@ -309,7 +309,7 @@ class _Resolver:
         merged = {**parent, **own}
         for key in ("checks", "capabilities"):
             merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
-        for key in ("components", "values"):  # the first match wins
+        for key in ("components", "values", "actions"):  # the first match wins
             merged[key] = [*own.get(key, []), *parent.get(key, [])]
         return merged
 

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, sugg
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described, nothing
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
+from ros_diagnostics_exporter.config.missions import ActionRules, Modes
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
 from ros_diagnostics_exporter.config.scalars import CapabilityName, Duration, Name, PositiveDuration
 from ros_diagnostics_exporter.regex import Pattern
@@ -405,11 +406,25 @@ class Profile(Entry):
         example={"mode": "on", "expect": ["amcl"]},
         default=Graph(),
     )
+    actions: ActionRules = described(
+        "Which of the robot's actions are its work, and which of their goals are faults; the first "
+        "entry that matches applies ([missions](missions.md)).",
+        example=[{"match": "navigate_to_pose", "aborted": {"critical": 3}}],
+        default=(),
+    )
+    modes: Modes | None = described(
+        "Where the robot says whether it works by itself ([interventions]"
+        "(missions.md#interventions)).",
+        example={"component": "Mode", "key": "mode", "autonomous": "auto"},
+        default=None,
+    )
 
     @cached_property
     def has_conditions(self) -> bool:
-        """Whether `when` or `unless` of any component or value asks about levels or values."""
-        return any(each.conditions for each in (*self.components, *self.values))
+        """Whether `modes`, or `when` or `unless` of any entry, asks about levels or values."""
+        return self.modes is not None or any(
+            each.conditions for each in (*self.components, *self.values)
+        )
 
 
 def _named_profile(name: str, profiles: Mapping[str, Profile] | None) -> Profile:

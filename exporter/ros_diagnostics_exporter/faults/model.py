@@ -337,7 +337,9 @@ class ProblemView(NamedTuple):
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
+MISSIONS = "missions"  # the kind of the rows of the goals of robots' actions
 LEARNED = "graph"  # the kind of the rows of what was learned of robots' nodes and topics
+OTHERS = (DOWNTIMES, MISSIONS, LEARNED)  # that are no state of the engine
 
 
 class Row(NamedTuple):

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
+    MISSIONS,
     CapabilityState,
     PartName,
     Row,
@@ -25,6 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, Presence
 from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.robots.missions import MissionsLearned
 from ros_diagnostics_exporter.sources.robot_graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served; NaN does
@@ -261,7 +263,12 @@ class _Downtimes(NamedTuple):
     planned: Annotated[list[_Downtime], Field(max_length=1000)]
 
 
-_FIELDS = {**SCHEMAS, DOWNTIMES: TypeAdapter(_Downtimes), LEARNED: TypeAdapter(Learned)}
+_FIELDS = {
+    **SCHEMAS,
+    DOWNTIMES: TypeAdapter(_Downtimes),
+    LEARNED: TypeAdapter(Learned),
+    MISSIONS: TypeAdapter(MissionsLearned),
+}
 _ROW: TypeAdapter[Any] = TypeAdapter(
     tuple[
         Text,

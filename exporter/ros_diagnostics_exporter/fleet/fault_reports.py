@@ -262,6 +262,10 @@ class FaultReports:
                 found.append(view)
         return [*found, *by_condition.values()]
 
+    def mode(self, robot: RobotState) -> tuple[bool | None, bool | None]:
+        """Whether a robot works by itself, and what is an intervention holds; None: not known."""
+        return self._robots[robot.settings.name].mode
+
     def suppressed_components(self, robot: str) -> dict[ComponentName, Reason]:
         """The components of a robot whose trouble is due and that another fault explains."""
         return self.engine.suppressed_components(robot, self._now)

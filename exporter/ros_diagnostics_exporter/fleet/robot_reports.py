@@ -233,6 +233,11 @@ class RobotReports:
         rule = component.rule
         return None if rule is None else self._conditions.find(component, rule.conditions)
 
+    @property
+    def mode(self) -> tuple[bool | None, bool | None]:
+        """Whether the robot works by itself, and what is an intervention holds; None: not known."""
+        return self._conditions.mode
+
     # -- presence ----------------------------------------------------------------------------
 
     def _presence_at(self, now: Instant) -> _Presence:

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
+    OTHERS,
     CapabilityView,
     ComponentName,
     End,
@@ -42,6 +43,7 @@ from ros_diagnostics_exporter.model import (
 )
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
+from ros_diagnostics_exporter.robots.missions import ACTIONS
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
@@ -108,22 +110,6 @@ class FleetState(WatchedFleet):
                 part = Array(array.stamp, tuple(statuses), size, number=array.number)
                 self._receive(robot, part, now, raw=shared.settings.raw)
 
-    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
-        """Count a message on a wanted topic that could not be decoded."""
-        with self._lock:
-            for robot, _raw in self._registry.bindings.get(topic, ()):
-                robot.reject_undecodable()
-                log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
-
-    def reject_dropped(self, topic: Topic, count: int) -> None:
-        """Count messages on a wanted topic that were dropped because too many are published."""
-        with self._lock:
-            if topic in self._registry.shared_topics:  # undecoded, so nobody knows whose they were
-                self._registry.rejections.counts["rate"] += count
-                return
-            for robot, _raw in self._registry.bindings.get(topic, ()):
-                robot.count_rejected("rate", count)
-
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
     def receive_answer(
@@ -173,6 +159,8 @@ class FleetState(WatchedFleet):
                 if not self._is_known(robot):
                     continue  # dropped: it is not silent
                 robot.tick(now)
+                if self._missions is not None:
+                    self._missions.tick(robot, now)
                 self._follow(robot, now)
         slow = now.mono - self._slow_tick_at >= SLOW_TICK
         if slow:
@@ -194,6 +182,8 @@ class FleetState(WatchedFleet):
     def _follow(self, robot: RobotState, now: Instant) -> None:
         """Have the faults follow what changed of a robot, and it looked at when that is due."""
         self._faults.update(robot, now)
+        if robot.settings.profile.modes is not None:
+            self._with_missions().follow_mode(robot, now)
         if robot.next_tick < robot.look_at:
             self._look_at_latest(robot, robot.next_tick)
 
@@ -252,6 +242,8 @@ class FleetState(WatchedFleet):
         for robot in self._registry.configure(fleet, now):
             if robot is not None:
                 robot.follow_feeds(self._feeds, now)
+                if self._missions is not None:
+                    self._missions.configure(robot, now)
                 self._faults.configure_robot(robot, now)
                 self._look_at_latest(robot, robot.next_tick)
             yield
@@ -344,8 +336,8 @@ class FleetState(WatchedFleet):
             learned = {row.key[0]: row.fields for row in rows if row.kind == LEARNED and row.key}
             self._watch.restore(learned, now)
         with self._lock:
-            others = (DOWNTIMES, LEARNED)
-            return self._faults.restore([row for row in rows if row.kind not in others], now)
+            self._restore_missions(rows, now)
+            return self._faults.restore([row for row in rows if row.kind not in OTHERS], now)
 
     # -- queries -----------------------------------------------------------------------------
 
@@ -446,16 +438,17 @@ class FleetState(WatchedFleet):
         with self._lock:
             return self._registry.downtimes.get(robot, ())
 
-    def take_fault_rows(self, now: Instant) -> list[Row]:
+    def take_fault_rows(self, now: Instant, *, at_once: bool = False) -> list[Row]:
         """The rows that changed since the last call, downtimes' too; `restore_faults` needs all.
 
-        To be called now and then, also where nobody needs them.
+        To be called now and then, also where nobody needs them; ``at_once``, also what may wait.
         """
         with self._watching:
             taken = self._watch.take_rows(self.robots, now)
             learned = [Row(LEARNED, (name,), each) for name, each in taken]
         with self._lock:
-            rows = [*self._faults.take_rows(now), *learned]
+            missions = self._mission_rows(now, at_once=at_once)
+            rows = [*self._faults.take_rows(now), *learned, *missions]
             if self._downtimes_changed:
                 self._downtimes_changed = False
                 planned: dict[str, object] = {"planned": list(map(list, self._downtimes))}
@@ -493,4 +486,8 @@ class FleetState(WatchedFleet):
 
 def _feeds(fleet: config.Fleet) -> dict[str, Feed]:
     """By name what delivers statuses beside ROS; of the graph as long as nothing else is known."""
-    return {**{each.name: each.feed for each in fleet.queries}, GROUP: SHADOW}
+    return {
+        **{each.name: each.feed for each in fleet.queries},
+        GROUP: SHADOW,
+        ACTIONS.name: ACTIONS,
+    }

@@ -221,6 +221,9 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
             yield from _conditions(rule.conditions, rule.pattern, parts)
     for name, capability in profile.capabilities.items():
         yield from _parts(name, capability.need, parts)
+    if profile.modes is not None:
+        asked = Conditions((profile.modes.condition, *profile.modes.interventions))
+        yield from _conditions(asked, None, parts)
     for value in profile.values:
         yield _value(value, parts)
         yield from _conditions(value.conditions, value.component, parts)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.model import MISSIONS, Row
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.fleet.missions import FleetMissions
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.loops import Timers
 from ros_diagnostics_exporter.model import (
@@ -31,6 +35,8 @@ from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
 from ros_diagnostics_exporter.sources.robot_graph import Report
 
+log = logging.getLogger(__name__)
+
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
@@ -49,6 +55,7 @@ class WatchedFleet(ABC):
         self._watching = threading.Lock()  # of the watch
         self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
         self._faults = FaultReports(fleet, now, self._events)
+        self._missions: FleetMissions | None = None  # until there is an action of any robot
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
     def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
@@ -80,6 +87,22 @@ class WatchedFleet(ABC):
                 for robot in self._registry.robots.values()
                 if robot.settings.domain_id == domain_id and (robot.last_mono or 0.0) > mono
             ]
+
+    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
+        """Count a message on a wanted topic that could not be decoded."""
+        with self._lock:
+            for robot, _raw in self._registry.bindings.get(topic, ()):
+                robot.reject_undecodable()
+                log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
+
+    def reject_dropped(self, topic: Topic, count: int) -> None:
+        """Count messages on a wanted topic that were dropped because too many are published."""
+        with self._lock:
+            if topic in self._registry.shared_topics:  # undecoded, so nobody knows whose they were
+                self._registry.rejections.counts["rate"] += count
+                return
+            for robot, _raw in self._registry.bindings.get(topic, ()):
+                robot.count_rejected("rate", count)
 
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
@@ -131,13 +154,16 @@ class WatchedFleet(ABC):
         """Take all endpoints of some topics of a domain, by name."""
         with self._watching:
             self._watch.see_topics(domain_id, topics, now)
+        self._follow_servers(now)
 
     def watched_topics(
         self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
     ) -> dict[str, str]:
         """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
         with self._watching:
-            return self._watch.wanted(domain_id, types, now)
+            wanted = self._watch.wanted(domain_id, types, now)
+        self._follow_servers(now)
+        return wanted
 
     def record_watched(
         self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
@@ -156,6 +182,46 @@ class WatchedFleet(ABC):
         """Take a message of such a topic."""
         with self._watching:
             self._watch.see_message(domain_id, topic, message, now)
+
+    def receive_goals(
+        self, domain_id: Domain, topic: str, goals: tuple[Goal, ...], now: Instant
+    ) -> None:
+        """Take the goals of an action server, by the topic of their status."""
+        with self._watching:
+            server = self._watch.servers.find(domain_id, topic)
+        with self._lock:
+            robot = None if server is None else self._registry.robots.get(server.robot)
+            if server is not None and robot is not None:
+                self._with_missions().see(robot, server.action, goals, now)
+                self._follow(robot, now)
+
+    def _with_missions(self) -> FleetMissions:
+        if self._missions is None:
+            self._missions = FleetMissions(self._events, self._faults)
+        return self._missions
+
+    def _restore_missions(self, rows: list[Row], now: Instant) -> None:
+        """Go on from the rows of an earlier process; under the lock."""
+        own = [row for row in rows if row.kind == MISSIONS]
+        if own:
+            self._with_missions().restore(own, self._registry.robots, now)
+
+    def _mission_rows(self, now: Instant, *, at_once: bool) -> Iterable[Row]:
+        """The rows of missions that are to be written now; under the lock."""
+        if self._missions is None:
+            return ()
+        return self._missions.take_rows(self._registry.robots, now, at_once=at_once)
+
+    def _follow_servers(self, now: Instant) -> None:
+        """Have the missions know which action servers came, went or were restarted."""
+        with self._watching:
+            changes = self._watch.servers.take_changes()
+        for change in changes:
+            with self._lock:
+                robot = self._registry.robots.get(change.server.robot)
+                if robot is not None:
+                    self._with_missions().follow_server(robot, change, now)
+                    self._follow(robot, now)
 
     def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""

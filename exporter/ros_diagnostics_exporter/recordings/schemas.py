@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.graph_messages import (
     BATTERY_TYPE,
     LOG_TYPE,
@@ -127,4 +128,24 @@ float32[] cell_temperature
 string location
 string serial_number
 {_STAMPED}""",
+    GOALS_TYPE: f"""GoalStatus[] status_list
+{RULE}
+MSG: action_msgs/GoalStatus
+int8 STATUS_UNKNOWN = 0
+int8 STATUS_ACCEPTED = 1
+int8 STATUS_EXECUTING = 2
+int8 STATUS_CANCELING = 3
+int8 STATUS_SUCCEEDED = 4
+int8 STATUS_CANCELED = 5
+int8 STATUS_ABORTED = 6
+GoalInfo goal_info
+int8 status
+{RULE}
+MSG: action_msgs/GoalInfo
+unique_identifier_msgs/UUID goal_id
+builtin_interfaces/Time stamp
+{RULE}
+MSG: unique_identifier_msgs/UUID
+uint8[16] uuid
+{_TIME}""",
 }

@@ -39,6 +39,15 @@ class RobotConditions:
         self._watched: dict[Component, list[Watch]] = {}  # by a component that they ask about
         self._conditional: dict[Component, tuple[Conditions, ...]] = {}
         self._suppressed: dict[tuple[Component, Conditions], Suppressed] = {}
+        self._autonomous: Watch | None = None
+        self._interventions: list[Watch] = []
+
+    @property
+    def mode(self) -> tuple[bool | None, bool | None]:
+        """Whether the robot works by itself, and what is an intervention holds; None: not known."""
+        stopped = {each.holds for each in self._interventions}
+        is_stopped = True in stopped or (None if None in stopped else False)
+        return (None if self._autonomous is None else self._autonomous.holds), is_stopped
 
     def find(self, component: Component, conditions: Conditions | None) -> Suppressed | None:
         """Why the trouble of a component, or a value of it, is no fault now; None: it is one."""
@@ -78,16 +87,21 @@ class RobotConditions:
                 for conditions in found:
                     for condition in (*conditions.when, *conditions.unless):
                         self._watch(component, condition).dependents.append(component)
+        modes = profile.modes
+        self._autonomous = None if modes is None else self._watch(None, modes.condition)
+        interventions = modes.interventions if modes else ()
+        self._interventions = [self._watch(None, each) for each in interventions]
         for component in self._conditional:
             self._judge(component)
         return dict.fromkeys((*former, *self._conditional), True)
 
-    def _watch(self, component: Component, condition: Condition) -> Watch:
-        key = (None if condition.component else component, condition)
+    def _watch(self, component: Component | None, condition: Condition) -> Watch:
+        asked = None if condition.component else component
+        key = (asked, condition)
         watch = self._watches.get(key)
         if watch is None:
             watch = self._watches[key] = Watch(condition)
-            for each in [component] if key[0] is not None else self._named(condition):
+            for each in self._named(condition) if asked is None else [asked]:
                 self._watched.setdefault(each, []).append(watch)
                 watch.update(each)
         return watch

@@ -116,6 +116,12 @@ class Goals:
         self._is_joined = False  # a list was received before, by whichever process
         self._is_first = True  # the next list is the first of this process
         self._away_since: float | None = None
+        self.heard_at = -inf  # when the last list was received
+
+    @property
+    def is_away(self) -> bool:
+        """Whether its server cannot be reached."""
+        return self._away_since is not None
 
     @property
     def running(self) -> int:
@@ -139,6 +145,7 @@ class Goals:
     def see(self, goals: Iterable[Goal], mono: float) -> list[GoalEnd]:
         """Take a list as it was received."""
         before, ends = self.return_(mono), list[GoalEnd]()
+        self.heard_at = mono
         goals = {each.key: each for each in goals}.values()
         known, self._known = self._known, {each.key: each.has_ended for each in goals}
         for key in self._running.keys() - self._known.keys():

@@ -23,9 +23,10 @@ class Mark:
     REJECTED = 8
     CONFIG = 9  # its settings, and how the config comes to have it
     DOWNTIME = 10
+    GOALS = 11  # of its actions
 
 
-MARKS = 11  # how many there are
+MARKS = 12  # how many there are
 
 
 class Marks(Generic[T]):

@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
     lasting,
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
+from ros_diagnostics_exporter.robots.missions import Missions
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.reading import AutoSource
 from ros_diagnostics_exporter.robots.rejections import (
@@ -182,6 +183,7 @@ class RobotState:
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
         self.measured = MeasuredUpdates(self.components)
+        self.missions: Missions | None = None  # of the actions that were seen
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
@@ -335,6 +337,8 @@ class RobotState:
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
         due = self.components.next_late
+        if self.missions is not None:
+            due = min(due, self.missions.due)
         if self._levels.minutes:  # asked with each message, and most robots have none
             due = min(due, self._levels.next_tick)
         if self.up and self.last_mono is not None and not self._has_no_ros:

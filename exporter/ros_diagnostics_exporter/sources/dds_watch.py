@@ -10,16 +10,19 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from action_msgs.msg import GoalStatusArray
 from lifecycle_msgs.msg import TransitionEvent
 from rcl_interfaces.msg import Log as RosLog
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import BatteryState
 
+from ros_diagnostics_exporter.decode.goals import decode_goals
 from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.graph_messages import (
     BATTERY_TYPE,
     LOG_TYPE,
@@ -38,12 +41,14 @@ KINDS = {
     PARAMETERS_TYPE: ParameterEvent,
     TRANSITION_TYPE: TransitionEvent,
     BATTERY_TYPE: BatteryState,
+    GOALS_TYPE: GoalStatusArray,
 }
 
 log = logging.getLogger(__name__)
 
 DEPTH = 200  # messages of one topic that the middleware holds between two looks
 LEVEL_AT, ERROR = 12, 40  # of a Log in CDR: behind 4 bytes of header and the stamp; the least
+GOALS_DEPTH = 10  # ... of the goals of one action: each list has all that its server keeps
 COUNTED = 60.0  # seconds over which bytes are counted
 MAX_VALUE = 80  # characters of a parameter
 # Of a battery: key, factor, unit. A number that its driver does not know is NaN.
@@ -73,6 +78,7 @@ class Watcher:
         self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
         self._bytes: dict[str, int] = {}
         self._counted_at: float | None = None
+        self._looked_at = 0.0  # monotonic
 
     def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
         """Follow what is wanted, and take what has arrived; in small pieces."""
@@ -85,6 +91,7 @@ class Watcher:
         for name, (kind, subscription) in self._topics.items():
             self._take(name, kind, subscription, now)
             yield
+        self._looked_at = now.mono
         self._count(now)
 
     def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:
@@ -96,7 +103,9 @@ class Watcher:
             data = taken[0]
             self._bytes[name] = self._bytes.get(name, 0) + len(data)
             self._receiver.record_watched(self._domain, name, kind, data, now)
-            if kind == BATTERY_TYPE:
+            if kind == GOALS_TYPE:
+                self._receive_goals(name, data, self._received(taken[1], now))
+            elif kind == BATTERY_TYPE:
                 latest = data
             elif kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
@@ -110,6 +119,21 @@ class Watcher:
             log.debug("%s: undecodable: %s", name, error)
             return
         self._receiver.receive_watched(self._domain, name, message, now)
+
+    def _receive_goals(self, name: str, data: bytes, now: Instant) -> None:
+        try:
+            goals = decode_goals(data)
+        except ValueError as error:
+            log.debug("%s: undecodable: %s", name, error)
+            return
+        self._receiver.receive_goals(self._domain, name, goals, now)
+
+    def _received(self, info: Mapping[str, int | None], now: Instant) -> Instant:
+        """When a message was, which the middleware knows: between the last look and this one."""
+        received = info["received_timestamp"]
+        waited = now.wall - received * 1e-9 if received else 0.0
+        waited = min(max(0.0, waited), now.mono - self._looked_at)
+        return Instant(now.mono - waited, now.wall - waited)
 
     def _count(self, now: Instant) -> None:
         """Report once a minute how much is received."""
@@ -126,6 +150,8 @@ class Watcher:
 def _subscribe(node: Any, name: str, kind: Any) -> Any:
     events = SubscriptionEventCallbacks(use_default_callbacks=False)
     profile = QoSProfile(depth=DEPTH)
+    if kind is GoalStatusArray:  # the last list is kept for who joins late
+        profile = QoSProfile(depth=GOALS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     if kind is BatteryState:  # whose next message has all that a lost one had
         profile.reliability = ReliabilityPolicy.BEST_EFFORT
     return node.create_subscription(

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Robot
+from ros_diagnostics_exporter.config.missions import rule_for
 from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, ActionServer, ActionServers
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
     PARAMETERS,
@@ -46,6 +49,11 @@ class GraphWatch:
         self._gone: set[str] = set()  # robots whose rows are to be deleted
         self._left: set[str] = set()  # ... of which nothing is to be said any more
 
+    @cached_property
+    def servers(self) -> ActionServers:
+        """The action servers of all robots: made for the first look at a graph."""
+        return ActionServers()
+
     def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
         """Take the robots of a domain as they are now; each has what is in its namespace."""
         robots = tuple(robots)
@@ -69,6 +77,7 @@ class GraphWatch:
         for domain in [each for each in self._owners if each not in domains]:
             for known in (self._owners, self._nodes, self._wanted):
                 known.pop(domain, None)
+            self.servers.choose(domain, {})
         self._drop_others()
 
     def _drop_others(self) -> None:
@@ -99,6 +108,7 @@ class GraphWatch:
 
     def see_topics(self, domain: Domain, topics: Mapping[str, TopicView], now: Instant) -> None:
         """Take some topics of a domain."""
+        self.servers.see_topics(domain, topics.items(), now.mono)
         for name, view in topics.items():
             if (robot := self._owners[domain].of(name)) is not None:
                 self._robots[robot].see_topic(name, view, now)
@@ -120,7 +130,23 @@ class GraphWatch:
             for kind in kinds
             if (domain, name) not in self._given_up and any(self._asking(domain, name, kind))
         }
+        servers = self._servers(domain, wanted)
+        for topic in servers.keys() - self.servers.choose(domain, servers):
+            del wanted[topic]
         return wanted
+
+    def _servers(self, domain: Domain, wanted: dict[str, str]) -> dict[str, ActionServer]:
+        """The action servers among the topics, of which those that are ignored are dropped."""
+        servers, owners = {}, self._owners[domain]
+        for topic in [name for name, kind in wanted.items() if kind == GOALS_TYPE]:
+            robot = owners.by_name[owners.of(topic) or ""]
+            action = self._robots[robot.name].action_of(topic)
+            if action:
+                rule = rule_for(robot.profile.actions, robot.namespace, action)
+                servers[topic] = ActionServer(robot.name, action, is_named=rule is not None)
+            else:
+                del wanted[topic]
+        return servers
 
     def _asking(self, domain: Domain, name: str, kind: str) -> Iterator[str]:
         """The robots that ask for a topic of this type."""
@@ -132,6 +158,9 @@ class GraphWatch:
 
     def owner(self, domain: Domain, topic: str, kind: str, data: bytes) -> str | None:
         """The robot that a serialized message of such a topic is of, if it asks for such."""
+        if kind == GOALS_TYPE:
+            server = self.servers.find(domain, topic)
+            return server.robot if server is not None and server.is_named else None
         robot = self._owners[domain].of(node_in(topic, kind, data))
         if robot is not None and is_wanted(topic, kind, self._robots[robot].settings.watch):
             return robot

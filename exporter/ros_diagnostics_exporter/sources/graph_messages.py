@@ -15,6 +15,7 @@ from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Watched
 from ros_diagnostics_exporter.model import Domain, Instant, Level, Status
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Seconds
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
@@ -119,7 +120,9 @@ def node_in(topic: str, kind: str, data: bytes) -> str:
 
 
 def is_wanted(topic: str, kind: str, watch: Watched) -> bool:
-    """Whether a robot's config asks for a topic of this type."""
+    """Whether a robot's config asks for a topic of this type; goals are counted of each."""
+    if kind == GOALS_TYPE:
+        return topic.endswith(STATUS)
     if kind == TRANSITION_TYPE:
         return watch.transitions and topic.endswith(TRANSITIONS)
     if kind == BATTERY_TYPE:

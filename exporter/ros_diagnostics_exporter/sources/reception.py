@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 from ros_diagnostics_exporter.config.fleet import Limits
 from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
+from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
@@ -86,6 +87,11 @@ class Receiver(Protocol):
 
     def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
         """Take a message of such a topic."""
+
+    def receive_goals(
+        self, domain: Domain, topic: str, goals: tuple[Goal, ...], now: Instant
+    ) -> None:
+        """Take the goals of an action server, by the topic of their status."""
 
     def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""

@@ -17,6 +17,7 @@ from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
+from ros_diagnostics_exporter.sources.action_servers import STATUS
 from ros_diagnostics_exporter.sources.graph_messages import (
     Battery,
     Message,
@@ -203,6 +204,10 @@ class RobotGraph:
                 self.report_at = now.mono
             if not isinstance(message, Battery | Parameters):
                 self.write_at = min(self.write_at, now.mono + SOON)
+
+    def action_of(self, topic: str) -> str:
+        """The action that a topic has the goals of, by its name here; "" where it is ignored."""
+        return self._own(topic.removesuffix(STATUS)) if self._own(topic) else ""
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""

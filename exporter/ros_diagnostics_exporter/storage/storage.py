@@ -221,7 +221,7 @@ class Storage:
         self._tried_at = now.mono
         self._writing_since = time.monotonic()
         try:
-            self._take_rows(state, now)
+            self._take_rows(state, now, at_once=at_once)
             self._blocked = self._blocked and os.path.lexists(self._path)
             if not self._blocked:
                 self._save(state, events, now, at_once=at_once)
@@ -337,8 +337,8 @@ class Storage:
         newer = [(name, at) for name, at in seen.items() if self._seen.get(name) != at]
         return [(ITSELF, self._age.wall(now)), *newer]
 
-    def _take_rows(self, state: FleetState, now: Instant) -> None:
-        for row in state.take_fault_rows(now):
+    def _take_rows(self, state: FleetState, now: Instant, *, at_once: bool) -> None:
+        for row in state.take_fault_rows(now, at_once=at_once):
             key, text = _row_as_json(row)
             self._changed_rows[key] = None
             if text is None:

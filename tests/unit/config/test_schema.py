@@ -87,6 +87,13 @@ WHOLE = {
     },
     "Graph": lambda entry: default(graph=entry),
     "Watched": lambda entry: default(graph={"watch": entry}),
+    "ActionRule": lambda entry: default(actions=[{"match": "x", **entry}]),
+    "TooMany": lambda entry: default(
+        actions=[{"match": "x", "started": {**needed(entry, {"critical": 9}, "critical"), **entry}}]
+    ),
+    "Modes": lambda entry: default(
+        modes={"component": "x", "key": "x", "autonomous": "x", **entry}
+    ),
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {

@@ -1,0 +1,279 @@
+"""Whether one robot does its work: the goals of its actions, and which of them are a problem.
+
+Each action that an entry of fleet.yml names is a component, with a status as any other. Of the
+others goals are counted alone. Pure: time is given.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timezone
+from math import inf
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.config.missions import ActionRule, TooMany, rule_for
+from ros_diagnostics_exporter.decode.goals import Goal
+from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
+from ros_diagnostics_exporter.robots.autonomy import Autonomy, AutonomyLearned
+from ros_diagnostics_exporter.robots.goals import GoalEnd, Goals, GoalsLearned, Moment
+from ros_diagnostics_exporter.sources.action_servers import MOST
+from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
+
+# Where a server is away nothing is known of its goals, which is no fault: others say so.
+ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True)
+MOST_RECENT = 200  # goals of one action that are judged
+REPORT = 30.0  # seconds between two statuses of a goal that runs
+Mode = tuple[bool | None, bool | None]  # it works by itself; it is stopped; None: not known
+_Text = Annotated[str, Field(max_length=256)]
+_Recent = Annotated[list[tuple[Moment, _Text]], Field(max_length=MOST_RECENT)]
+
+
+class ActionLearned(NamedTuple):
+    """What a later process should know of one action.
+
+    ``ended`` are (seconds ago, result), ``started`` seconds ago; ``aborted_at`` is Unix time.
+    """
+
+    goals: GoalsLearned
+    ended: _Recent
+    started: Annotated[list[Moment], Field(max_length=MOST_RECENT)]
+    aborted_at: Moment
+
+
+class MissionsLearned(NamedTuple):
+    """What a later process should know of one robot, by the names of its actions."""
+
+    actions: Annotated[dict[_Text, ActionLearned], Field(max_length=MOST)]
+    autonomy: AutonomyLearned | None = None
+
+
+class Action:
+    """One action of a robot; ``rule`` is its entry in fleet.yml, None where it has none."""
+
+    def __init__(self, name: str, rule: ActionRule | None) -> None:
+        self.name, self.rule = name, rule
+        self.goals = Goals()
+        self.clock = Stopwatch()  # runs while its server is there
+        self.status: Status | None = None  # as it was reported
+        self._ended: deque[tuple[float, str]] = deque(maxlen=MOST_RECENT)
+        self._started: deque[float] = deque(maxlen=MOST_RECENT)
+        self._aborted_at = 0.0
+
+    @property
+    def is_mission(self) -> bool:
+        """Whether how its goals end says whether the robot does its work."""
+        return self.rule is not None and not self.rule.ignore_result
+
+    def see(self, goals: Iterable[Goal], now: Instant) -> list[GoalEnd]:
+        """Take a list of its server; what ended by it."""
+        self.clock.set(running=True, mono=now.mono)
+        before = self.goals.counts.started
+        ends = self.goals.see(goals, now.mono)
+        if self.rule is not None:
+            begun = self.goals.counts.started - before
+            self._started.extend([self.clock.read(now.mono)] * begun)
+        return self._note(ends, now)
+
+    def set_there(self, *, there: bool, now: Instant) -> list[GoalEnd]:
+        """Take whether its server is in the graph."""
+        self.clock.set(running=there, mono=now.mono)
+        if there:
+            return self._note(self.goals.return_(now.mono), now)
+        self.goals.leave(now.mono)
+        return []
+
+    def restart(self, now: Instant) -> list[GoalEnd]:
+        """Note that another process serves it."""
+        return self._note(self.goals.restart(now.mono), now)
+
+    def tick(self, now: Instant) -> list[GoalEnd]:
+        """Let time pass."""
+        return self._note(self.goals.tick(now.mono), now)
+
+    def _note(self, ends: list[GoalEnd], now: Instant) -> list[GoalEnd]:
+        if self.rule is not None:
+            clock = self.clock.read(now.mono)
+            self._ended.extend((clock, end.result) for end in ends)
+            if any(end.result == "aborted" for end in ends):
+                self._aborted_at = now.wall
+        return ends
+
+    # -- judged --------------------------------------------------------------------------------
+
+    def take_status(self, now: Instant) -> Status | None:
+        """Its status, where that is another than before; None of a server that is away."""
+        if self.rule is None or self.goals.is_away:
+            return None
+        status = self._judge(self.rule, now)
+        if status == self.status:
+            return None
+        self.status = status
+        return status
+
+    def _judge(self, rule: ActionRule, now: Instant) -> Status:
+        problems = [*self._problems(rule, now)]
+        level = max((level for level, _text in problems), default=Level.OK)
+        text = "; ".join(text for _level, text in problems) or "OK"
+        longest = self.goals.longest(now.mono)
+        values = (("running", str(self.goals.running)), ("longest", f"{longest:.0f} s"))
+        return Status(int(level), self.name, text, "", values)
+
+    def _problems(self, rule: ActionRule, now: Instant) -> Iterator[tuple[Level, str]]:
+        clock = self.clock.read(now.mono)
+        if rule.aborted is not None:
+            level, text = self._judge_aborted(rule.aborted, clock)
+            if level:
+                yield level, text
+        if rule.started is not None:
+            count = sum(clock - at < rule.started.within for at in self._started)
+            if level := _level(rule.started, count):
+                yield level, f"started {count} times within {_written(rule.started)}"
+        if rule.longer_than is not None and self.goals.longest(now.mono) > rule.longer_than:
+            limit = durations.written(rule.longer_than)
+            yield Level.WARN, f"a goal has been running for longer than {limit}"
+
+    def _judge_aborted(self, limit: TooMany, clock: float) -> tuple[Level, str]:
+        """As many are too many, unless as many goals in a row have succeeded since."""
+        words = [word for at, word in self._ended if clock - at < limit.within]
+        counted = [word for word in words if word != "preempted"]
+        aborted, succeeded = counted.count("aborted"), 0
+        for word in reversed(counted):
+            if word != "succeeded":
+                break
+            succeeded += 1
+        level = _level(limit, aborted, over=succeeded)
+        last = datetime.fromtimestamp(self._aborted_at, timezone.utc)
+        text = (
+            f"aborted {aborted} of the last {len(counted)} goals, the last at {last:%H:%M:%S} UTC"
+        )
+        return level, text
+
+    @property
+    def limits(self) -> tuple[TooMany, ...]:
+        """What of it is counted for a while."""
+        if self.rule is None:
+            return ()
+        return tuple(each for each in (self.rule.aborted, self.rule.started) if each is not None)
+
+    def due(self, mono: float) -> float:
+        """When `tick` has something to do, or its status is another, monotonic."""
+        found = [self.goals.due]
+        if self.rule is not None and self.goals.running:
+            found.append(mono + REPORT)
+            longest, limit = self.goals.longest(mono), self.rule.longer_than
+            if limit is not None and longest <= limit:
+                found.append(mono + limit - longest + 0.001)
+        if self.status is not None and self.status.level:
+            found += self._ends_of_windows(mono)
+        return min(found)
+
+    def _ends_of_windows(self, mono: float) -> Iterator[float]:
+        clock = self.clock.read(mono)
+        times = [*(at for at, _word in self._ended), *self._started]
+        for limit in self.limits:
+            later = (at + limit.within - clock for at in times if clock - at < limit.within)
+            yield mono + min(later, default=inf)
+
+    # -- outliving the process -----------------------------------------------------------------
+
+    def learned(self, now: Instant) -> ActionLearned:
+        """What a later process should know."""
+        clock = self.clock.read(now.mono)
+        return ActionLearned(
+            self.goals.learned(now.mono),
+            [(clock - at, word) for at, word in self._ended],
+            [clock - at for at in self._started],
+            self._aborted_at,
+        )
+
+    def restore(self, learned: ActionLearned, now: Instant) -> None:
+        """Go on from what an earlier process knew."""
+        self.goals.restore(GoalsLearned(*learned.goals), now.mono)
+        self._ended.extend((-age, word) for age, word in learned.ended)
+        self._started.extend(-age for age in learned.started)
+        self._aborted_at = learned.aborted_at
+
+
+class Missions:
+    """The actions of one robot, by their names in its namespace."""
+
+    def __init__(self, rules: tuple[ActionRule, ...], namespace: str) -> None:
+        self._rules, self._namespace = rules, namespace
+        self.actions: dict[str, Action] = {}
+        self.autonomy: Autonomy | None = None  # where an entry says what its mode is
+        self.mode: Mode = (None, None)  # as it was taken last
+        self.due = inf  # when `tick` has something to do, or a status is another, monotonic
+
+    def configure(self, rules: tuple[ActionRule, ...], namespace: str) -> list[str]:
+        """Follow other entries; the actions that have none any more, and so are no components."""
+        self._rules, self._namespace = rules, namespace
+        gone = []
+        for name, action in self.actions.items():
+            rule = rule_for(rules, namespace, name)
+            if rule is None and action.rule is not None:
+                gone.append(name)
+            action.rule, action.status = rule, None
+        return gone
+
+    def action(self, name: str) -> Action | None:
+        """The action of this name, made where it is new; None where a robot has too many."""
+        known = self.actions.get(name)
+        if known is None and len(self.actions) < MOST:
+            known = self.actions[name] = Action(name, rule_for(self._rules, self._namespace, name))
+        return known
+
+    def set_mode(self, mode: Mode, now: Instant) -> bool:
+        """Take whether it works by itself, and is stopped; whether an intervention began."""
+        self.mode = mode
+        self.autonomy = self.autonomy or Autonomy()
+        running = sum(each.goals.running for each in self.actions.values() if each.is_mission)
+        autonomous, stopped = mode
+        return self.autonomy.update(
+            autonomous=autonomous, stopped=stopped, running=running, now=now
+        )
+
+    def tick(self, now: Instant) -> list[tuple[Action, GoalEnd]]:
+        """Let time pass; what ended by it."""
+        return [(each, end) for each in self.actions.values() for end in each.tick(now)]
+
+    def take_statuses(self, now: Instant) -> list[Status]:
+        """The statuses that are others than before."""
+        statuses = (each.take_status(now) for each in self.actions.values())
+        return [each for each in statuses if each is not None]
+
+    def schedule(self, mono: float) -> None:
+        """Set when there is something to do next."""
+        is_autonomous = self.autonomy is not None and self.autonomy.is_running
+        again = mono + REPORT if is_autonomous else inf  # for the seconds of autonomy
+        self.due = min([again, *(each.due(mono) for each in self.actions.values())])
+
+    def learned(self, now: Instant) -> MissionsLearned:
+        """What a later process should know."""
+        actions = {name: each.learned(now) for name, each in self.actions.items()}
+        autonomy = None if self.autonomy is None else self.autonomy.learned(now)
+        return MissionsLearned(actions, autonomy)
+
+    def restore(self, learned: MissionsLearned, now: Instant) -> None:
+        """Go on from what an earlier process knew."""
+        for name, each in learned.actions.items():
+            if (action := self.action(name)) is not None:
+                action.restore(ActionLearned(*each), now)
+        if learned.autonomy is not None:
+            self.autonomy = Autonomy()
+            self.autonomy.restore(AutonomyLearned(*learned.autonomy))
+
+
+def _level(limit: TooMany, count: int, *, over: int = 0) -> Level:
+    """How bad so many are, where as many as ``over`` end it."""
+    for most, level in ((limit.critical, Level.ERROR), (limit.warning, Level.WARN)):
+        if most is not None and count >= most > over:
+            return level
+    return Level.OK
+
+
+def _written(limit: TooMany) -> str:
+    return durations.written(limit.within)

@@ -1,0 +1,382 @@
+"""Goals of a robot's actions -> its components, faults and rows; time is given."""
+
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
+from ros_diagnostics_exporter.model import Status, Stream, Topic
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
+from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
+from support.state_driver import ERROR, LASER, OK, SETTLED, WARN, StateDriver
+
+DOCK, GOTO, SPIN = "dock_robot", "navigate_to_pose", "spin"
+FLEET = """
+fleet: f
+robots: [{name: r, namespace: /r, source: raw}]
+profiles:
+  default:
+    actions:
+      - {match: navigate_to_pose, aborted: {warning: 2, critical: 4, within: 10m}, longer_than: 15m}
+      - {match: dock_robot, aborted: {critical: 1}}
+      - {match: "spin|backup|wait", ignore_result: true, started: {warning: 3, within: 10m}}
+"""
+
+
+def topic(action: str) -> str:
+    return f"/r/{action}{STATUS}"
+
+
+class Mission:
+    """One robot whose drivers report, and the goals of whose actions are seen."""
+
+    def __init__(self, fleet: Fleet, driver: StateDriver | None = None) -> None:
+        self.driver = driver or StateDriver(fleet=fleet)
+        self.types = {topic(each): [GOALS_TYPE] for each in (DOCK, GOTO, SPIN, "follow_path")}
+        self.goals: dict[str, list[Goal]] = {}
+        self.number = 0
+        self.stand(int(SETTLED))
+        for each in (DOCK, GOTO, SPIN, "follow_path"):
+            self.send(each)
+
+    def look(self) -> set[str]:
+        """One look at the graph; the topics that are subscribed."""
+        state, now = self.driver.state, self.driver.now
+        state.update_nodes(0, [("bt_navigator", "/r")], now)
+        return set(state.watched_topics(0, self.types, now))
+
+    def stand(self, seconds: int) -> None:
+        for _ in range(seconds):
+            self.look()
+            self.driver.stand(1, LASER)
+
+    def send(self, action: str) -> None:
+        state, now = self.driver.state, self.driver.now
+        state.receive_goals(0, topic(action), tuple(self.goals.get(action, ())), now)
+
+    def begin(self, action: str) -> None:
+        self.number += 1
+        key = self.number.to_bytes(16, "big")
+        self.goals[action] = [Goal(key, float(self.number), EXECUTING)]
+        self.send(action)
+
+    def end(self, action: str, status: int) -> None:
+        self.goals[action] = [each._replace(status=status) for each in self.goals[action]]
+        self.send(action)
+
+    def run(self, action: str, status: int, times: int = 1) -> None:
+        for _ in range(times):
+            self.begin(action)
+            self.stand(5)
+            self.end(action, status)
+
+    def level(self, action: str) -> int:
+        return self.driver.level(action)
+
+    def message(self, action: str) -> str:
+        return self.driver.component(action).message
+
+    @property
+    def faults(self) -> set[str]:
+        return {each.identity.component for each in self.driver.state.faults()}
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text(FLEET, encoding="utf-8")
+    return load(path)
+
+
+@pytest.fixture
+def mission(fleet):
+    return Mission(fleet)
+
+
+def test_each_action_that_an_entry_names_is_a_component(mission):
+    found = {each.label: each.group for each in mission.driver.robot.components}
+
+    assert found == {"Laser 1": "", **dict.fromkeys((DOCK, GOTO, SPIN), "Actions")}
+    assert (mission.level(GOTO), mission.message(GOTO)) == (OK, "OK")
+
+
+def test_aborted_goals_are_a_warning_and_then_critical(mission):
+    mission.run(GOTO, ABORTED)
+    assert mission.level(GOTO) == OK
+    mission.run(GOTO, ABORTED)
+    assert mission.level(GOTO) == WARN
+    mission.run(GOTO, SUCCEEDED)
+    mission.run(GOTO, ABORTED, 2)
+
+    assert mission.level(GOTO) == ERROR
+    assert mission.message(GOTO) == "aborted 4 of the last 5 goals, the last at 22:14:25 UTC"
+
+
+def test_an_aborted_goal_is_a_fault_until_one_succeeds_again(mission):
+    mission.run(DOCK, ABORTED)
+    mission.stand(11)
+    assert mission.faults == {DOCK}
+
+    mission.run(DOCK, SUCCEEDED)
+    assert mission.faults == set()
+
+
+def test_as_many_as_are_too_many_have_to_succeed_in_a_row(mission):
+    mission.run(GOTO, ABORTED, 2)
+    mission.run(GOTO, SUCCEEDED)
+    assert mission.level(GOTO) == WARN
+
+    mission.run(GOTO, SUCCEEDED)
+    assert mission.level(GOTO) == OK
+
+
+def test_aborted_goals_are_over_after_their_time(mission):
+    mission.run(DOCK, ABORTED)
+    mission.stand(590)
+    assert mission.level(DOCK) == ERROR
+
+    mission.stand(15)
+    assert mission.level(DOCK) == OK
+
+
+def test_the_time_does_not_run_while_the_server_is_away(mission):
+    mission.run(DOCK, ABORTED)
+    del mission.types[topic(DOCK)]
+    mission.stand(900)
+
+    assert mission.faults == {DOCK}
+
+
+def test_a_goal_that_runs_for_too_long_is_a_warning_until_it_ends(mission):
+    mission.begin(GOTO)
+    mission.stand(899)
+    assert mission.level(GOTO) == OK
+    mission.stand(3)
+    assert mission.level(GOTO) == WARN
+    assert mission.message(GOTO) == "a goal has been running for longer than 15m"
+
+    mission.end(GOTO, SUCCEEDED)
+    assert mission.level(GOTO) == OK
+
+
+def test_recoveries_count_by_their_beginning(mission):
+    mission.run(SPIN, SUCCEEDED, 2)
+    assert mission.level(SPIN) == OK
+    mission.run(SPIN, ABORTED)
+
+    assert mission.level(SPIN) == WARN
+    assert mission.message(SPIN) == "started 3 times within 10m"
+
+
+def test_a_component_says_how_many_goals_run_and_for_how_long(mission):
+    mission.begin(GOTO)
+    mission.stand(95)
+
+    values = dict(mission.driver.component(GOTO).last.values)
+    assert values["running"] == "1"
+    assert 60 <= float(values["longest"].removesuffix(" s")) <= 95
+
+
+def test_the_mail_of_an_aborted_goal_names_what_was_faulty_at_that_moment(mission):
+    broken = LASER._replace(level=ERROR, message="no scan")
+    mission.begin(DOCK)
+    mission.driver.stand(20, broken)
+    mission.end(DOCK, ABORTED)
+    mission.driver.stand(11, broken)
+
+    (fault,) = (each for each in mission.driver.state.faults() if each.identity.component == DOCK)
+    assert "aborted 1 of the last 1 goals" in fault.evidence
+    assert "also faulty: Laser 1 CRITICAL" in fault.evidence
+
+
+def test_an_aborted_goal_is_recorded_with_what_was_wrong_at_that_moment(mission):
+    broken = LASER._replace(level=ERROR, message="no scan")
+    mission.begin(GOTO)
+    mission.driver.stand(2, broken)
+    mission.end(GOTO, ABORTED)
+    mission.driver.stand(2, LASER)
+    mission.run(GOTO, ABORTED)
+
+    first, second = (each for each in mission.driver.events if each.kind == "goal")
+    assert (first.component, first.after) == (GOTO, "aborted")
+    assert first.message == "while Laser 1 was CRITICAL"
+    assert first.details == {"problems": [{"about": "Laser 1", "state": "CRITICAL"}]}
+    assert (second.message, second.details) == ("nothing else was wrong", None)
+
+
+def test_goals_that_are_no_mission_and_all_beyond_ten_a_minute_are_only_counted(mission):
+    mission.run(SPIN, ABORTED)
+    for _ in range(12):
+        mission.begin(GOTO)
+        mission.end(GOTO, ABORTED)
+
+    events = [each.component for each in mission.driver.events if each.kind == "goal"]
+    assert events == [GOTO] * 10
+
+
+def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, tmp_path, fleet):
+    mission.run(GOTO, ABORTED, 2)
+    mission.begin(GOTO)
+    mission.stand(11)
+    assert mission.faults == {GOTO}
+    driver = mission.driver.again(tmp_path / "x.db")
+    again = Mission(fleet, driver)
+    again.goals, again.number = mission.goals, mission.number
+    again.stand(60)
+    assert again.faults == {GOTO}
+
+    again.end(GOTO, SUCCEEDED)
+    counts = driver.robot.missions.actions[GOTO].goals.counts
+    assert (counts.results["aborted"], counts.results["succeeded"]) == (2, 1)
+    again.run(GOTO, SUCCEEDED)
+    assert again.faults == set()
+
+
+def test_a_server_that_leaves_the_graph_leaves_its_goal_unknown_after_a_time(mission):
+    mission.begin(GOTO)
+    del mission.types[topic(GOTO)]
+    mission.stand(605)
+
+    assert mission.driver.robot.missions.actions[GOTO].goals.counts.results["unknown"] == 1
+
+
+def view(process: str) -> TopicView:
+    return TopicView((Peer("/r/bt_navigator", process * 32),), ())
+
+
+def test_another_process_that_serves_an_action_knows_nothing_of_its_goals(mission):
+    counts = mission.driver.robot.missions.actions[GOTO].goals.counts
+    mission.begin(GOTO)
+    for process in "aab":
+        mission.stand(20)
+        views = {topic(GOTO): view(process)}
+        mission.driver.state.update_endpoints(0, views, mission.driver.now)
+        assert counts.results["unknown"] == (process == "b")
+
+
+def test_a_list_since_the_last_look_may_be_of_the_process_that_serves_it_now(mission):
+    counts = mission.driver.robot.missions.actions[GOTO].goals.counts
+    mission.driver.state.update_endpoints(0, {topic(GOTO): view("a")}, mission.driver.now)
+    mission.stand(1)
+    mission.begin(GOTO)
+    mission.driver.state.update_endpoints(0, {topic(GOTO): view("b")}, mission.driver.now)
+
+    assert counts.results["unknown"] == 0
+
+
+MODES = """
+    modes: {component: Mode, key: mode, autonomous: [auto, mission],
+            interventions: {component: E-stop, key: pressed, equals: true}}
+"""
+
+
+@pytest.fixture
+def driven(tmp_path):
+    """A robot that says in which mode it is; it begins with auto."""
+    path = tmp_path / "fleet.yml"
+    path.write_text(FLEET + MODES, encoding="utf-8")
+    mission = Mission(load(path))
+    drive(mission, "auto")
+    return mission
+
+
+def drive(mission: Mission, mode: str, pressed: str = "false", seconds: int = 5) -> None:
+    components = (
+        Status(OK, "Mode", "", "", (("mode", mode),)),
+        Status(OK, "E-stop", "", "", (("pressed", pressed),)),
+    )
+    mission.driver.stand(seconds, LASER, *components)
+
+
+def interventions(mission: Mission) -> int:
+    return mission.driver.robot.missions.autonomy.interventions
+
+
+def test_a_robot_that_is_taken_over_before_its_goal_has_succeeded_is_an_intervention(driven):
+    driven.begin(GOTO)
+    drive(driven, "Mission")
+    assert interventions(driven) == 0
+    drive(driven, "manual")
+
+    assert interventions(driven) == 1
+    (event,) = (each for each in driven.driver.events if each.kind == "intervention")
+    assert event.message == "nothing else was wrong"
+    assert driven.driver.robot.missions.autonomy.read(driven.driver.now.mono) == 10.0
+
+
+def test_a_robot_that_is_parked_after_its_goal_has_succeeded_is_none(driven):
+    driven.begin(GOTO)
+    driven.end(GOTO, SUCCEEDED)
+    drive(driven, "manual")
+
+    assert interventions(driven) == 0
+
+
+def test_an_emergency_stop_is_an_intervention_where_an_entry_names_it(driven):
+    drive(driven, "auto", pressed="true")
+
+    assert interventions(driven) == 1
+
+
+def test_after_a_restart_of_the_exporter_the_interventions_and_the_time_go_on(driven, tmp_path):
+    drive(driven, "manual")
+    before = driven.driver.robot.missions.autonomy
+    driven.driver = driven.driver.again(tmp_path / "x.db")
+    drive(driven, "manual")
+    drive(driven, "auto")
+
+    after = driven.driver.robot.missions.autonomy
+    assert after is not before
+    assert (after.interventions, after.read(driven.driver.now.mono)) == (1, 10.0)
+
+
+def test_of_a_robot_with_many_actions_those_with_an_entry_come_first(mission):
+    others = [topic(f"a{number:02}") for number in range(MOST)]
+    mission.types |= {each: [GOALS_TYPE] for each in others}
+
+    found = mission.look()
+
+    assert len(found) == MOST
+    assert {topic(DOCK), topic(GOTO), topic(SPIN)} <= found
+
+
+def test_an_action_that_the_graph_ignores_is_not_subscribed(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text(FLEET + "    graph: {ignore: ['follow_*']}\n", encoding="utf-8")
+    mission = Mission(load(path))
+
+    assert topic("follow_path") not in mission.look()
+
+
+def test_goals_of_actions_with_an_entry_are_recorded_as_they_were_received(mission):
+    kept = []
+    state, now = mission.driver.state, mission.driver.now
+    state.recorder = lambda stream, data, _now: kept.append((stream, data))
+    for action in (GOTO, "follow_path"):
+        state.record_watched(0, topic(action), GOALS_TYPE, b"a list", now)
+
+    assert kept == [(Stream(Topic(0, topic(GOTO)), GOALS_TYPE, "r"), b"a list")]
+
+
+def test_where_the_graph_is_not_watched_no_goal_is(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text(FLEET + "    graph: {mode: 'off'}\n", encoding="utf-8")
+    mission = Mission(load(path))
+
+    assert mission.look() == set()
+    assert mission.driver.robot.missions is None
+
+
+def test_an_action_whose_entry_is_removed_is_no_component_any_more(mission):
+    mission.run(DOCK, ABORTED)
+    mission.stand(11)
+    assert mission.faults == {DOCK}
+    robot = Robot("r", namespace="/r", profile=Profile()).reading(Source.RAW)
+
+    mission.driver.state.configure(Fleet("f", (robot,)), mission.driver.now)
+    mission.stand(1)
+
+    assert mission.faults == set()
+    assert {each.label for each in mission.driver.robot.components} == {"Laser 1"}
