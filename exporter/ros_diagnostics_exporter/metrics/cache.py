@@ -12,9 +12,11 @@ from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentNa
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.metrics.missions import mission_samples
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.missions import Missions
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.texts import escape
@@ -115,6 +117,8 @@ class RobotText:
             self._render_levels()
         if at[Mark.GROUPS] > read:
             self._render_groups()
+        if at[Mark.GOALS] > read and self.robot.missions is not None:
+            self._render_missions(self.robot.missions)
 
     def _set(self, family: Family, lines: Iterable[str]) -> None:
         self._set_chunk(family.name, list(lines))
@@ -371,6 +375,13 @@ class RobotText:
             texts = map(repr if all(map(isfinite, numbers)) else number, numbers)
             rows = zip(values.labels, values.own, texts, strict=True)
             self._set_chunk(name, [f"{name}{labels}{own}{text}\n" for labels, own, text in rows])
+
+    def _render_missions(self, missions: Missions) -> None:
+        for family, lines in mission_samples(missions, self._base):
+            if lines:
+                self._set(family, lines)
+            else:
+                self._remove(family.name)
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL

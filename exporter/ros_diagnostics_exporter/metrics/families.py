@@ -257,6 +257,35 @@ GROUP_LEVEL = _family(
     "A parent's level as the robot's own aggregator reported it.",
     (*ROBOT, "group"),
 )
+GOALS = _family(
+    "goals_total",
+    "counter",
+    "Goals of a robot's action servers by how they ended (succeeded, aborted, cancelled, "
+    "preempted, unknown); `mission` is true where fleet.yml says that they are the robot's work.",
+    (*ROBOT, "action", "result", "mission"),
+)
+GOALS_RUNNING = _family(
+    "goals_running",
+    "gauge",
+    "Goals that have not ended; 0 while their server is not in the ROS graph.",
+    (*ROBOT, "action"),
+)
+GOAL_DURATION = _family(
+    "goal_duration_seconds",
+    "histogram",
+    "How long goals took whose begin and end were seen, of actions that fleet.yml names.",
+    (*ROBOT, "action"),
+)
+INTERVENTIONS = _family(
+    "interventions_total",
+    "counter",
+    "How often a robot left autonomous before its goal had succeeded, or was stopped there.",
+    ROBOT,
+)
+AUTONOMOUS_SECONDS = _family(
+    "autonomous_seconds_total", "counter", "Time in which a robot worked by itself.", ROBOT
+)
+MISSION_FAMILIES = (GOALS, GOALS_RUNNING, GOAL_DURATION, INTERVENTIONS, AUTONOMOUS_SECONDS)
 SITE_RECEIVED = _family(
     "site_received_robots",
     "gauge",
@@ -323,6 +352,7 @@ FLEET_FAMILIES = (
     COMPONENT_VALUE,
     COMPONENT_VALUE_THRESHOLD,
     GROUP_LEVEL,
+    *MISSION_FAMILIES,
 )
 
 FAULT = (

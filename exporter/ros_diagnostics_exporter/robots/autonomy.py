@@ -30,7 +30,7 @@ class Autonomy:
 
     def __init__(self) -> None:
         self.interventions = 0
-        self._seconds = 0.0
+        self.seconds = 0.0  # until it was updated last
         self._since: float | None = None  # monotonic; None: it is not autonomous, or not known
         self._was = False  # autonomous, when that was known last
         self._is_counted = False  # an intervention of this time of autonomy
@@ -39,12 +39,17 @@ class Autonomy:
 
     def read(self, mono: float) -> float:
         """Seconds of autonomy until now."""
-        return self._seconds + (0.0 if self._since is None else mono - self._since)
+        return self.seconds + (0.0 if self._since is None else mono - self._since)
 
     @property
     def is_running(self) -> bool:
         """Whether it works by itself, as far as is known."""
         return self._since is not None
+
+    def advance(self, mono: float) -> None:
+        """Let time pass."""
+        self.seconds = self.read(mono)
+        self._since = None if self._since is None else mono
 
     def note_end(self, end: GoalEnd) -> None:
         """Take that a goal of its work ended."""
@@ -57,7 +62,7 @@ class Autonomy:
 
         ``stopped``: a condition holds that is one; ``running`` goals of its work have not ended.
         """
-        self._seconds = self.read(now.mono)
+        self.advance(now.mono)
         self._since = now.mono if autonomous else None
         was, before = self._was, self._is_stopped
         self._was = was if autonomous is None else autonomous
@@ -89,6 +94,6 @@ class Autonomy:
 
     def restore(self, learned: AutonomyLearned) -> None:
         """Go on from what an earlier process knew."""
-        self._seconds, self.interventions = learned.seconds, learned.interventions
+        self.seconds, self.interventions = learned.seconds, learned.interventions
         self._was, self._is_counted = learned.was_autonomous, learned.is_counted
         self._has_succeeded, self._is_stopped = learned.has_succeeded, learned.is_stopped

@@ -238,6 +238,8 @@ class Missions:
 
     def tick(self, now: Instant) -> list[tuple[Action, GoalEnd]]:
         """Let time pass; what ended by it."""
+        if self.autonomy is not None:
+            self.autonomy.advance(now.mono)
         return [(each, end) for each in self.actions.values() for end in each.tick(now)]
 
     def take_statuses(self, now: Instant) -> list[Status]:

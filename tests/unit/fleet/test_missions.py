@@ -5,94 +5,17 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
-from ros_diagnostics_exporter.model import Status, Stream, Topic
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
+from ros_diagnostics_exporter.decode.goals import ABORTED, SUCCEEDED
+from ros_diagnostics_exporter.model import Stream, Topic
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
-from support.state_driver import ERROR, LASER, OK, SETTLED, WARN, StateDriver
-
-DOCK, GOTO, SPIN = "dock_robot", "navigate_to_pose", "spin"
-FLEET = """
-fleet: f
-robots: [{name: r, namespace: /r, source: raw}]
-profiles:
-  default:
-    actions:
-      - {match: navigate_to_pose, aborted: {warning: 2, critical: 4, within: 10m}, longer_than: 15m}
-      - {match: dock_robot, aborted: {critical: 1}}
-      - {match: "spin|backup|wait", ignore_result: true, started: {warning: 3, within: 10m}}
-"""
-
-
-def topic(action: str) -> str:
-    return f"/r/{action}{STATUS}"
-
-
-class Mission:
-    """One robot whose drivers report, and the goals of whose actions are seen."""
-
-    def __init__(self, fleet: Fleet, driver: StateDriver | None = None) -> None:
-        self.driver = driver or StateDriver(fleet=fleet)
-        self.types = {topic(each): [GOALS_TYPE] for each in (DOCK, GOTO, SPIN, "follow_path")}
-        self.goals: dict[str, list[Goal]] = {}
-        self.number = 0
-        self.stand(int(SETTLED))
-        for each in (DOCK, GOTO, SPIN, "follow_path"):
-            self.send(each)
-
-    def look(self) -> set[str]:
-        """One look at the graph; the topics that are subscribed."""
-        state, now = self.driver.state, self.driver.now
-        state.update_nodes(0, [("bt_navigator", "/r")], now)
-        return set(state.watched_topics(0, self.types, now))
-
-    def stand(self, seconds: int) -> None:
-        for _ in range(seconds):
-            self.look()
-            self.driver.stand(1, LASER)
-
-    def send(self, action: str) -> None:
-        state, now = self.driver.state, self.driver.now
-        state.receive_goals(0, topic(action), tuple(self.goals.get(action, ())), now)
-
-    def begin(self, action: str) -> None:
-        self.number += 1
-        key = self.number.to_bytes(16, "big")
-        self.goals[action] = [Goal(key, float(self.number), EXECUTING)]
-        self.send(action)
-
-    def end(self, action: str, status: int) -> None:
-        self.goals[action] = [each._replace(status=status) for each in self.goals[action]]
-        self.send(action)
-
-    def run(self, action: str, status: int, times: int = 1) -> None:
-        for _ in range(times):
-            self.begin(action)
-            self.stand(5)
-            self.end(action, status)
-
-    def level(self, action: str) -> int:
-        return self.driver.level(action)
-
-    def message(self, action: str) -> str:
-        return self.driver.component(action).message
-
-    @property
-    def faults(self) -> set[str]:
-        return {each.identity.component for each in self.driver.state.faults()}
+from support.missions import DOCK, FLEET, GOTO, MODES, SPIN, Mission, drive, topic
+from support.state_driver import ERROR, LASER, OK, WARN
 
 
 @pytest.fixture
-def fleet(tmp_path):
-    path = tmp_path / "fleet.yml"
-    path.write_text(FLEET, encoding="utf-8")
-    return load(path)
-
-
-@pytest.fixture
-def mission(fleet):
-    return Mission(fleet)
+def mission(tmp_path):
+    return Mission.of(tmp_path, FLEET)
 
 
 def test_each_action_that_an_entry_names_is_a_component(mission):
@@ -216,13 +139,13 @@ def test_goals_that_are_no_mission_and_all_beyond_ten_a_minute_are_only_counted(
     assert events == [GOTO] * 10
 
 
-def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, tmp_path, fleet):
+def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, tmp_path):
     mission.run(GOTO, ABORTED, 2)
     mission.begin(GOTO)
     mission.stand(11)
     assert mission.faults == {GOTO}
     driver = mission.driver.again(tmp_path / "x.db")
-    again = Mission(fleet, driver)
+    again = Mission(driver.state.fleet, driver)
     again.goals, again.number = mission.goals, mission.number
     again.stand(60)
     assert again.faults == {GOTO}
@@ -266,28 +189,12 @@ def test_a_list_since_the_last_look_may_be_of_the_process_that_serves_it_now(mis
     assert counts.results["unknown"] == 0
 
 
-MODES = """
-    modes: {component: Mode, key: mode, autonomous: [auto, mission],
-            interventions: {component: E-stop, key: pressed, equals: true}}
-"""
-
-
 @pytest.fixture
 def driven(tmp_path):
     """A robot that says in which mode it is; it begins with auto."""
-    path = tmp_path / "fleet.yml"
-    path.write_text(FLEET + MODES, encoding="utf-8")
-    mission = Mission(load(path))
+    mission = Mission.of(tmp_path, FLEET + MODES)
     drive(mission, "auto")
     return mission
-
-
-def drive(mission: Mission, mode: str, pressed: str = "false", seconds: int = 5) -> None:
-    components = (
-        Status(OK, "Mode", "", "", (("mode", mode),)),
-        Status(OK, "E-stop", "", "", (("pressed", pressed),)),
-    )
-    mission.driver.stand(seconds, LASER, *components)
 
 
 def interventions(mission: Mission) -> int:
@@ -343,9 +250,7 @@ def test_of_a_robot_with_many_actions_those_with_an_entry_come_first(mission):
 
 
 def test_an_action_that_the_graph_ignores_is_not_subscribed(tmp_path):
-    path = tmp_path / "fleet.yml"
-    path.write_text(FLEET + "    graph: {ignore: ['follow_*']}\n", encoding="utf-8")
-    mission = Mission(load(path))
+    mission = Mission.of(tmp_path, FLEET + "    graph: {ignore: ['follow_*']}\n")
 
     assert topic("follow_path") not in mission.look()
 
@@ -361,9 +266,7 @@ def test_goals_of_actions_with_an_entry_are_recorded_as_they_were_received(missi
 
 
 def test_where_the_graph_is_not_watched_no_goal_is(tmp_path):
-    path = tmp_path / "fleet.yml"
-    path.write_text(FLEET + "    graph: {mode: 'off'}\n", encoding="utf-8")
-    mission = Mission(load(path))
+    mission = Mission.of(tmp_path, FLEET + "    graph: {mode: 'off'}\n")
 
     assert mission.look() == set()
     assert mission.driver.robot.missions is None
