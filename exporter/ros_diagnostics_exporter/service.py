@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime,
 from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
 from ros_diagnostics_exporter.api import fault_history, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
+from ros_diagnostics_exporter.api.missions import missions
 from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
@@ -392,6 +393,10 @@ class Service:
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
         return capability_tree(self.state, robot, read_clocks())
+
+    def missions(self, robot: str | None) -> dict[str, Any]:
+        """How the goals of a robot, or of all, ended, as /api/v1/missions; LookupError if none."""
+        return missions(self.state, robot, read_clocks())
 
     def story(self, robot: str) -> dict[str, Any]:
         """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""

@@ -33,6 +33,7 @@ COMMANDS = {
     "history": "Show what happened to a robot.",
     "report": "Write or mail the weekly report of a fleet.",
     "capabilities": "Show what a robot can do, and what it would lose next.",
+    "missions": "Show whether robots do their work.",
     "faults": "List the faults that last.",
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",

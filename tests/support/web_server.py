@@ -177,6 +177,10 @@ def no_capabilities(robot: str | None) -> dict[str, Any]:
     return {"fleet": "hall", "robot": robot, "time": 1_060.0, "capabilities": []}
 
 
+def no_missions(_robot: str | None) -> dict[str, Any]:
+    return {"fleet": "hall", "time": 1_060.0, "robots": []}
+
+
 def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
@@ -202,6 +206,7 @@ class FakeBackend:
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_fault_history
     capabilities: Callable[[str | None], dict[str, Any]] = no_capabilities
+    missions: Callable[[str | None], dict[str, Any]] = no_missions
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     hanging_reason: Callable[[], str | None] = lambda: None

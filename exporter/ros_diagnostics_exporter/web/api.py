@@ -215,6 +215,15 @@ class Api:
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
 
+    async def missions(self, request: Request) -> Response:
+        """How the goals of a robot, or of all robots, ended."""
+        _allow_only(request, "robot")
+        robot = request.query_params.get("robot")
+        try:
+            return _json(await self._workers.run(self._backend.missions, robot))
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+
     async def story(self, request: Request) -> Response:
         """What failed of a robot in a week, in sentences."""
         _allow_only(request)

@@ -267,6 +267,7 @@ def build(
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
         Route("/api/v1/capabilities", api.capabilities),
+        Route("/api/v1/missions", api.missions),
         Route("/api/v1/notifications", api.notifications, methods=["POST"]),
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),

@@ -64,6 +64,13 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
+    def missions(self, robot: str | None, /) -> dict[str, Any]:
+        """How the goals of a robot, or (None) of all, ended as /api/v1/missions returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
     def story(self, robot: str, /) -> dict[str, Any]:
         """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
 

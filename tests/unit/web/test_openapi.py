@@ -61,6 +61,16 @@ def _capabilities(robot: str | None) -> dict:
     return {"fleet": "hall", "robot": robot, "time": 1.0, "capabilities": [found]}
 
 
+def _missions(robot: str | None) -> dict:
+    results = {"succeeded": 3, "aborted": 1, "cancelled": 0, "preempted": 0, "unknown": 0}
+    action = {"action": "dock", "mission": True, "reached": True, "running": 1, "longest": 2.5}
+    autonomy = {"autonomous": None, "autonomous_seconds": 60.0, "interventions": 2}
+    judged = {"level": "ERROR", "message": "aborted 1 of the last 4 goals"}
+    actions = [{**action, **judged, "results": results}]
+    robots = [{"robot": robot or "a", "actions": actions, **autonomy}]
+    return {"fleet": "hall", "time": 1.0, "robots": robots}
+
+
 @pytest.fixture(scope="module")
 def server():
     backend = FakeBackend(
@@ -100,6 +110,7 @@ def server():
             ],
         },
         capabilities=_capabilities,
+        missions=_missions,
         fault_history=lambda fault: {
             "fault": fault,
             "time": 1.0,

@@ -1,0 +1,88 @@
+"""``ros-diagnostics missions``: whether robots do their work, and what was wrong when not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any
+from urllib.parse import urlencode
+
+import click
+from rich.text import Text
+
+from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
+from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
+
+SINCE = "7d"  # of the events that are looked at
+MOST = 5  # problems that are named
+
+
+@click.command(epilog="Example: ros-diagnostics missions robot_3")
+@click.argument("robot", required=False)
+@with_output()
+@with_servers
+def command(servers: Servers, output: str, robot: str | None) -> None:
+    """Show how the goals of ROBOT, or of all robots, ended, and what was wrong when not well."""
+    wanted = {} if robot is None else {"robot": robot}
+    found = servers.exporter.get(f"/api/v1/missions?{urlencode(wanted)}".rstrip("?"))
+    events = list(servers.exporter.events(SINCE, kind="goal", **wanted))
+    if output == "json":
+        print_json({**found, "aborted": events})
+    else:
+        _print(found["robots"], events)
+
+
+def _print(robots: list[dict[str, Any]], events: list[dict[str, Any]]) -> None:
+    console = make_console()
+    if not robots:
+        console.print(Text("No action of a robot was seen, and fleet.yml names no mode."))
+        return
+    table = make_table("Robot", "Action", "State", "Succeeded", "Aborted", "Unknown", "Running", "")
+    for each in robots:
+        for action in each["actions"]:
+            table.add_row(*_row(each["robot"], action))
+    console.print(table)
+    for line in (*_autonomy(robots), *_because(events)):
+        console.print(Text(one_line(line)))
+
+
+def _row(robot: str, action: dict[str, Any]) -> tuple[Text, ...]:
+    """Of an action that no entry names, what was counted."""
+    results, seconds = action["results"], action["longest"]
+    ended = results["succeeded"] + results["aborted"]
+    share = f"{results['succeeded']} of {ended}" if ended else ""
+    running = f"{action['running']}, for {span(seconds)}" if action["running"] else "0"
+    counts = (share, str(results["aborted"]), str(results["unknown"]), running)
+    message = action.get("message", "")
+    before, after = cells((robot, action["action"])), cells((*counts, message))
+    return (*before, _chip(action.get("level")), *after)
+
+
+def _chip(level: str | None) -> Text:
+    if level is None:
+        return Text("")
+    state = STATE_OF_LEVEL[level]
+    colour, on_it = COLOURS[state]
+    return Text(f" {state} ", style=f"bold {on_it} on {colour}")
+
+
+def _autonomy(robots: Iterable[dict[str, Any]]) -> Iterator[str]:
+    for each in robots:
+        if "interventions" in each:
+            hours, number = each["autonomous_seconds"] / 3600, each["interventions"]
+            yield f"{each['robot']}: {number} interventions in {hours:.1f} h of autonomy"
+
+
+def _because(events: list[dict[str, Any]]) -> Iterator[str]:
+    """How many goals were aborted while something was wrong, most of them first."""
+    wrong = Counter(
+        (each["about"], each["state"])
+        for event in events
+        for each in event.get("details", {}).get("problems", ())
+    )
+    if events:
+        yield f"{len(events)} goals of missions were aborted in the last {SINCE}"
+    for (about, state), number in wrong.most_common(MOST):
+        yield f"  {number} of them while {about} was {state}"

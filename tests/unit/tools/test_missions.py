@@ -1,0 +1,91 @@
+"""``ros-diagnostics missions`` on a real robot's state, through HTTP."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.api.missions import missions
+from ros_diagnostics_exporter.decode.goals import ABORTED, SUCCEEDED
+from ros_diagnostics_tools.main import main
+from support.missions import DOCK, FLEET, GOTO, MODES, Mission, drive
+from support.state_driver import ERROR, LASER, StateDriver
+
+
+@pytest.fixture
+def mission(tmp_path):
+    return Mission.of(tmp_path, FLEET + MODES)
+
+
+@pytest.fixture
+def ask(serve, capsys):
+    """What the command prints of a driver's state."""
+
+    def run(driver: StateDriver, *arguments: str, expected: int = 0) -> str:
+        assert driver.events is not None  # they are in the log now
+        server = serve(
+            missions=lambda name: missions(driver.state, name, driver.now),
+            find_events=lambda wanted: driver.log.find(replace(wanted, since=None)),
+        )
+        url = f"http://{server.addresses[0]}"
+        assert main(["missions", *arguments, "--url", url]) == expected
+        printed = capsys.readouterr()
+        return printed.out + printed.err
+
+    return run
+
+
+def row(text: str, action: str) -> str:
+    (line,) = (each for each in text.splitlines() if f" {action} " in each)
+    return " ".join(line.split())
+
+
+def test_a_row_says_how_the_goals_of_an_action_ended(mission, ask):
+    mission.run(GOTO, ABORTED, 2)
+    mission.run(GOTO, SUCCEEDED)
+    mission.begin(DOCK)
+    mission.run("follow_path", SUCCEEDED)
+    text = ask(mission.driver)
+
+    assert "r navigate_to_pose WARNING 1 of 3 2 0 0 aborted 2 of the last 3" in row(text, GOTO)
+    assert "r dock_robot OK 0 0 1, for " in row(text, DOCK)
+    assert row(text, "follow_path") == "r follow_path 1 of 1 0 0 0"
+
+
+def test_it_says_what_was_wrong_when_goals_were_aborted(mission, ask):
+    mission.begin(GOTO)
+    mission.driver.stand(2, LASER._replace(level=ERROR))
+    mission.end(GOTO, ABORTED)
+    mission.driver.stand(2, LASER)
+    mission.run(GOTO, ABORTED)
+    text = ask(mission.driver, "r")
+
+    assert "2 goals of missions were aborted in the last 7d" in text
+    assert "1 of them while Laser 1 was CRITICAL" in text
+
+
+def test_it_says_how_often_somebody_had_to_help(mission, ask):
+    drive(mission, "auto", seconds=360)
+    drive(mission, "manual")
+
+    assert "r: 1 interventions in 0.1 h of autonomy" in ask(mission.driver)
+
+
+def test_without_actions_it_says_so(ask):
+    driver = StateDriver()
+    driver.stand(2, LASER)
+
+    assert "No action of a robot was seen" in ask(driver)
+    assert "missions?robot=x answered 404" in ask(driver, "x", expected=1)
+
+
+def test_as_json_it_has_all_of_it(mission, ask):
+    mission.run(GOTO, ABORTED)
+    found = json.loads(ask(mission.driver, "--output", "json"))
+
+    (robot,) = found["robots"]
+    (action,) = (each for each in robot["actions"] if each["action"] == GOTO)
+    assert action["results"]["aborted"] == 1
+    assert [each["component"] for each in found["aborted"]] == [GOTO]
