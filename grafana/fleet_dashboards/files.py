@@ -9,7 +9,15 @@ from pathlib import Path
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot, week
+from fleet_dashboards.dashboards import (
+    alerts,
+    component,
+    fleet,
+    missions,
+    monitoring,
+    robot,
+    week,
+)
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "panels.md"
@@ -25,6 +33,7 @@ BUILDERS = (
     component.build,
     alerts.build,
     week.build,
+    missions.build,
     monitoring.build,
 )
 

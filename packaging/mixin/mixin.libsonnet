@@ -31,6 +31,7 @@ local rules = import 'rules.json';
     'ros-diagnostics-fleet.json': import 'dashboards/ros-diagnostics-fleet.json',
     'ros-diagnostics-monitoring.json': import 'dashboards/ros-diagnostics-monitoring.json',
     'ros-diagnostics-robot.json': import 'dashboards/ros-diagnostics-robot.json',
+    'ros-diagnostics-missions.json': import 'dashboards/ros-diagnostics-missions.json',
     'ros-diagnostics-week.json': import 'dashboards/ros-diagnostics-week.json',
   },
 }

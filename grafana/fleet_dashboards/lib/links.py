@@ -10,6 +10,7 @@ ROBOT_UID = "ros-diagnostics-robot"
 COMPONENT_UID = "ros-diagnostics-component"
 ALERTS_UID = "ros-diagnostics-alerts"
 WEEK_UID = "ros-diagnostics-week"
+MISSIONS_UID = "ros-diagnostics-missions"
 MONITORING_UID = "ros-diagnostics-monitoring"
 TAG = "ros-diagnostics"
 

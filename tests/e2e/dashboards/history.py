@@ -42,6 +42,18 @@ WEEK = {
     'faulty_seconds robot="broken",part="/Motor/Motor 1"': (1800, 60),
     'faulty_times robot="broken",part="/Motor/Motor 1"': (2, 1),
 }
+# Goals of robots, and what one of them took: in how many slots there was one.
+GOALS = {
+    'robot="well",action="go",result="succeeded"': 30,
+    'robot="well",action="go",result="aborted"': 2,
+    'robot="broken",action="go",result="succeeded"': 5,
+    'robot="broken",action="dock",result="succeeded"': 1,
+    'robot="broken",action="dock",result="aborted"': 15,
+    'robot="broken",action="dock",result="cancelled"': 3,
+    'robot="broken",action="dock",result="unknown"': 4,
+}
+INTERVENTIONS = {"well": 0, "broken": 3}
+AUTONOMOUS = {"well": 48, "broken": 24}  # slots
 CARRIERS = ("well", "broken", "silent")
 Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
 
@@ -51,7 +63,10 @@ def write(path: Path, start: float) -> float:
     end = float(int(start) - GAP)
     # OpenMetrics wants the samples of a series together, in the order of their times.
     samples = sorted(
-        [*_parts(end), *_days(end), *_able(end), *_week(end), *_faults(end), *_alerts(end)],
+        [
+            *(*_parts(end), *_days(end), *_able(end), *_week(end)),
+            *(*_missions(end), *_faults(end), *_alerts(end)),
+        ],
         key=lambda sample: (sample[0], sample[1], sample[3]),
     )
     lines: list[str] = []
@@ -110,6 +125,20 @@ def _able(end: float) -> Iterator[Sample]:
             labels = f'fleet="hall",{able},part="{part}"'
             time = end - (SLOTS - number) * SLOT
             yield "capability:ros_diagnostics_part_seconds:sum5m", labels, SLOT, time
+
+
+def _missions(end: float) -> Iterator[Sample]:
+    robots = {f'robot="{name}"': number for name, number in INTERVENTIONS.items()}
+    autonomous = {f'robot="{name}"': number for name, number in AUTONOMOUS.items()}
+    for series, counts, value in (
+        ("action:ros_diagnostics_goals:increase5m", GOALS, 1),
+        ("robot:ros_diagnostics_interventions:increase5m", robots, 1),
+        ("robot:ros_diagnostics_autonomous_seconds:increase5m", autonomous, SLOT),
+    ):
+        for labels, count in counts.items():
+            for number in range(1, SLOTS + 1):
+                time = end - (SLOTS - number) * SLOT
+                yield series, f'fleet="hall",{labels}', value * (number <= count), time
 
 
 def _faults(end: float) -> Iterator[Sample]:

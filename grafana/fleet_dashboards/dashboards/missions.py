@@ -1,0 +1,178 @@
+"""Missions, for shift leaders: do robots reach their goals, and how often must somebody help?"""
+
+from __future__ import annotations
+
+from grafana_foundation_sdk.builders import dashboard as builders
+from grafana_foundation_sdk.builders import stat, table, timeseries
+from grafana_foundation_sdk.models import common
+
+from fleet_dashboards.lib import links, palette, panels, tables, variables
+from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.promql import in_order
+from fleet_dashboards.lib.tables import Column
+
+_CHOSEN = f"{variables.FLEET}, {variables.ROBOTS}"
+_GOALS = "action:ros_diagnostics_goals:increase5m"
+_INTERVENTIONS = "robot:ros_diagnostics_interventions:increase5m"
+_AUTONOMOUS = "robot:ros_diagnostics_autonomous_seconds:increase5m"
+_RESULTS = {  # the colours of what was reached, of what was not, and of what nobody knows
+    "succeeded": palette.OK.colour,
+    "aborted": palette.CRITICAL.colour,
+    "cancelled": palette.STALE.colour,
+    "preempted": palette.NEUTRAL,
+    "unknown": palette.UNKNOWN.colour,
+}
+
+
+def build() -> builders.Dashboard:
+    """Return the dashboard of the goals and interventions in the time range."""
+    return (
+        new_dashboard(
+            links.MISSIONS_UID,
+            "Missions",
+            "Did the robots do their work in the time range: how many of their goals succeeded, "
+            "and how often did somebody have to help?",
+            [variables.fleet(), variables.robots()],
+            [success(), unknown(), per_hour(), between(), robots(), over_time(), actions()],
+        )
+        .time("now-24h", "now")
+        .refresh("5m")
+    )
+
+
+def _sum(by: str, series: str, result: str = "") -> str:
+    chosen = f'{_CHOSEN}, result=~"{result}"' if result else _CHOSEN
+    return f"sum by ({by}) (sum_over_time({series}{{{chosen}}}[$__range]))"
+
+
+def _success(by: str) -> str:
+    decided = _sum(by, _GOALS, "succeeded|aborted")
+    return f"{_sum(by, _GOALS, 'succeeded')} / ({decided} > 0)"
+
+
+def _hours(by: str) -> str:
+    return f"({_sum(by, _AUTONOMOUS)} / 3600)"
+
+
+def _number(title: str, description: str, expr: str, unit: str, decimals: int) -> stat.Panel:
+    """Show a number of each fleet."""
+    panel = panels.number(title, description, "vector(0)", unit)
+    panel = panel.targets([panels.at_end(expr, "{{fleet}}")]).decimals(decimals)
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(6)
+
+
+def success() -> stat.Panel:
+    """Show which share of the goals succeeded."""
+    return _number(
+        "Success",
+        "Which share of their goals did robots reach? Of those that succeeded or were aborted.",
+        _success("fleet"),
+        "percentunit",
+        1,
+    )
+
+
+def unknown() -> stat.Panel:
+    """Show of which share nobody knows how it ended."""
+    return _number(
+        "Unknown",
+        "Of which share of goals does nobody know how they ended? The robot was out of reach, or "
+        "its action server was restarted. Without goals that others replaced.",
+        f"{_sum('fleet', _GOALS, 'unknown')} / "
+        f"({_sum('fleet', _GOALS, 'succeeded|aborted|cancelled|unknown')} > 0)",
+        "percentunit",
+        1,
+    )
+
+
+def per_hour() -> stat.Panel:
+    """Show how often somebody had to help."""
+    return _number(
+        "Interventions per hour",
+        "How often did somebody have to help, for each hour in which a robot worked by itself?",
+        f"{_sum('fleet', _INTERVENTIONS)} / ({_hours('fleet')} > 0)",
+        "none",
+        2,
+    )
+
+
+def between() -> stat.Panel:
+    """Show for how long robots worked until somebody had to help."""
+    return _number(
+        "Hours between interventions",
+        "For how many hours did a robot work by itself until somebody had to help?",
+        f"{_hours('fleet')} / ({_sum('fleet', _INTERVENTIONS)} > 0)",
+        "none",
+        1,
+    )
+
+
+def robots() -> table.Panel:
+    """List the robots, the worst first."""
+    by = "fleet, robot"
+    return tables.joined(
+        "Robots",
+        "Which robots reach the fewest of their goals? The worst first.",
+        {
+            "A": in_order(_success(by)),
+            "B": _sum(by, _GOALS, "succeeded"),
+            "C": _sum(by, _GOALS, "aborted"),
+            "D": _sum(by, _GOALS, "cancelled"),
+            "E": _sum(by, _GOALS, "unknown"),
+            "F": _sum(by, _INTERVENTIONS),
+            "G": _hours(by),
+        },
+        [
+            tables.ROBOT_IN_ORDER,
+            Column("A", "Success", "percentunit", width=95, decimals=1),
+            Column("B", "Succeeded", width=100, decimals=0),
+            Column("C", "Aborted", width=85, decimals=0),
+            Column("D", "Cancelled", width=95, decimals=0),
+            Column("E", "Unknown", width=90, decimals=0),
+            Column("F", "Interventions", width=115, decimals=0),
+            Column("G", "Hours by itself", width=125, decimals=1),
+            tables.FLEET,
+            tables.NAME,
+        ],
+        by=by,
+        sort=("Success", "Robot"),
+        ascending=("Success", "Robot"),
+    ).span(14)
+
+
+def over_time() -> timeseries.Panel:
+    """Show the goals by result over time."""
+    panel = panels.graph(
+        "Goals by result",
+        "How many goals of the chosen robots ended in which way, in each five minutes?",
+        panels.over_time(f"sum by (result) ({_GOALS}{{{_CHOSEN}}})", "{{result}}"),
+    )
+    for result, colour in _RESULTS.items():
+        panel = panel.override_by_name(result, [panels.fixed_colour(colour)])
+    return panels.stacked(panel).span(10).height(10)
+
+
+def actions() -> table.Panel:
+    """List the actions, the worst first."""
+    by = "fleet, action"
+    return tables.joined(
+        "Actions",
+        "Which actions fail? The worst first.",
+        {
+            "A": _success(by),
+            "B": _sum(by, _GOALS, "succeeded"),
+            "C": _sum(by, _GOALS, "aborted"),
+            "D": _sum(by, _GOALS, "unknown"),
+        },
+        [
+            Column("action", "Action", min_width=180),
+            Column("A", "Success", "percentunit", width=95, decimals=1),
+            Column("B", "Succeeded", width=100, decimals=0),
+            Column("C", "Aborted", width=85, decimals=0),
+            Column("D", "Unknown", width=90, decimals=0),
+            tables.FLEET,
+        ],
+        by=by,
+        sort=("Success", "Action"),
+        ascending=("Success", "Action"),
+    ).height(8)
