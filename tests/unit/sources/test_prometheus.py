@@ -333,7 +333,6 @@ def test_a_reload_changes_what_it_changes(asking, stub):
 
 
 EXAMPLES = {
-    "Navigation/recoveries": ({"robot": "amr_1"}, 4, "amr_1", "recoveries"),
     "Power/battery": ({"instance": "10.0.0.40"}, 49, "dock_1", "battery"),
     "Server/disk {mountpoint}": (
         {"instance": "10.0.0.2:9100", "mountpoint": "/srv"},
