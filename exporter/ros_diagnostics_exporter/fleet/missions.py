@@ -39,8 +39,12 @@ class FleetMissions:
     def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> None:
         """Take the goals of an action of a robot."""
         action = _missions(robot).action(name)
-        if action is not None:
-            self._take(robot, [(action, end) for end in action.see(goals, now)], now)
+        if action is None:
+            return
+        before = action.goals.state
+        ends = action.see(goals, now)
+        if ends or action.goals.state != before:  # as when a goal that was accepted is executed
+            self._take(robot, [action], [(action, end) for end in ends], now)
 
     def follow_server(self, robot: RobotState, change: ServerChange, now: Instant) -> None:
         """Take that a server of a robot came, went or was restarted."""
@@ -52,7 +56,7 @@ class FleetMissions:
             ends = action.set_there(there=change.what == "came", now=now)
         elif action.goals.heard_at <= change.since:  # else its goals may be the new server's
             ends = action.restart(now)
-        self._take(robot, [(action, end) for end in ends], now)
+        self._take(robot, [action], [(action, end) for end in ends], now)
 
     def follow_mode(self, robot: RobotState, now: Instant) -> None:
         """Take whether a robot works by itself, as its components are now."""
@@ -61,13 +65,14 @@ class FleetMissions:
             return
         if missions.set_mode(mode, now):
             self._record(robot, "", now)
-        self._take(robot, [], now)
+        self._take(robot, (), [], now)
 
     def tick(self, robot: RobotState, now: Instant) -> None:
         """Let time pass for a robot."""
         missions = robot.missions
         if missions is not None and now.mono >= missions.due:
-            self._take(robot, missions.tick(now), now)
+            due = [each for each in missions.actions.values() if now.mono >= each.due]
+            self._take(robot, due, missions.tick(now), now)
 
     def configure(self, robot: RobotState, now: Instant) -> None:
         """Follow the entries that a robot has now."""
@@ -79,15 +84,21 @@ class FleetMissions:
             is_action = query_of(component.identity) == ACTIONS.name
             if is_action and component.identity[0] in gone:
                 robot.forget(component, now)
-        self._take(robot, [], now)
+        self._take(robot, missions.actions.values(), [], now)
 
-    def _take(self, robot: RobotState, ends: list[tuple[Action, GoalEnd]], now: Instant) -> None:
-        """Have what changed reported, served and written."""
+    def _take(
+        self,
+        robot: RobotState,
+        actions: Iterable[Action],
+        ends: list[tuple[Action, GoalEnd]],
+        now: Instant,
+    ) -> None:
+        """Have these actions judged, and what changed served and written."""
         missions, name = _missions(robot), robot.settings.name
         for action, end in ends:
             if action.is_mission:
                 self._note_end(robot, action, end, now)
-        statuses = missions.take_statuses(now)
+        statuses = missions.take_statuses(actions, now)
         if statuses:
             robot.measure(ACTIONS, statuses, now)
         missions.schedule(now.mono)

@@ -119,6 +119,11 @@ class Goals:
         self.heard_at = -inf  # when the last list was received
 
     @property
+    def state(self) -> tuple[object, ...]:
+        """What of it may change how it is judged, served or followed."""
+        return self.counts.started, self.running, self.is_away, len(self._held)
+
+    @property
     def is_away(self) -> bool:
         """Whether its server cannot be reached."""
         return self._away_since is not None

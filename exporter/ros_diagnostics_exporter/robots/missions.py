@@ -59,6 +59,7 @@ class Action:
         self.goals = Goals()
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
+        self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
         self._ended: deque[tuple[float, str]] = deque(maxlen=MOST_RECENT)
         self._started: deque[float] = deque(maxlen=MOST_RECENT)
         self._aborted_at = 0.0
@@ -159,8 +160,8 @@ class Action:
             return ()
         return tuple(each for each in (self.rule.aborted, self.rule.started) if each is not None)
 
-    def due(self, mono: float) -> float:
-        """When `tick` has something to do, or its status is another, monotonic."""
+    def schedule(self, mono: float) -> None:
+        """Set when there is something to do next."""
         found = [self.goals.due]
         if self.rule is not None and self.goals.running:
             found.append(mono + REPORT)
@@ -169,7 +170,7 @@ class Action:
                 found.append(mono + limit - longest + 0.001)
         if self.status is not None and self.status.level:
             found += self._ends_of_windows(mono)
-        return min(found)
+        self.due = min(found)
 
     def _ends_of_windows(self, mono: float) -> Iterator[float]:
         clock = self.clock.read(mono)
@@ -242,16 +243,21 @@ class Missions:
             self.autonomy.advance(now.mono)
         return [(each, end) for each in self.actions.values() for end in each.tick(now)]
 
-    def take_statuses(self, now: Instant) -> list[Status]:
-        """The statuses that are others than before."""
-        statuses = (each.take_status(now) for each in self.actions.values())
-        return [each for each in statuses if each is not None]
+    def take_statuses(self, actions: Iterable[Action], now: Instant) -> list[Status]:
+        """The statuses of these actions that are others than before."""
+        found = []
+        for each in actions:
+            status = each.take_status(now)
+            each.schedule(now.mono)
+            if status is not None:
+                found.append(status)
+        return found
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
         is_autonomous = self.autonomy is not None and self.autonomy.is_running
         again = mono + REPORT if is_autonomous else inf  # for the seconds of autonomy
-        self.due = min([again, *(each.due(mono) for each in self.actions.values())])
+        self.due = min([again, *[each.due for each in self.actions.values()]])
 
     def learned(self, now: Instant) -> MissionsLearned:
         """What a later process should know."""

@@ -48,6 +48,8 @@ class GraphWatch:
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
         self._gone: set[str] = set()  # robots whose rows are to be deleted
         self._left: set[str] = set()  # ... of which nothing is to be said any more
+        # Of action servers: the topics for which they were chosen, and those that were dropped.
+        self._chosen: dict[Domain, tuple[_Owners, list[str], list[str]]] = {}
 
     @cached_property
     def servers(self) -> ActionServers:
@@ -77,6 +79,7 @@ class GraphWatch:
         for domain in [each for each in self._owners if each not in domains]:
             for known in (self._owners, self._nodes, self._wanted):
                 known.pop(domain, None)
+            self._chosen.pop(domain, None)
             self.servers.choose(domain, {})
         self._drop_others()
 
@@ -130,23 +133,33 @@ class GraphWatch:
             for kind in kinds
             if (domain, name) not in self._given_up and any(self._asking(domain, name, kind))
         }
-        servers = self._servers(domain, wanted)
-        for topic in servers.keys() - self.servers.choose(domain, servers):
-            del wanted[topic]
+        self._choose_servers(domain, wanted)
         return wanted
 
-    def _servers(self, domain: Domain, wanted: dict[str, str]) -> dict[str, ActionServer]:
-        """The action servers among the topics, of which those that are ignored are dropped."""
-        servers, owners = {}, self._owners[domain]
-        for topic in [name for name, kind in wanted.items() if kind == GOALS_TYPE]:
-            robot = owners.by_name[owners.of(topic) or ""]
-            action = self._robots[robot.name].action_of(topic)
-            if action:
-                rule = rule_for(robot.profile.actions, robot.namespace, action)
-                servers[topic] = ActionServer(robot.name, action, is_named=rule is not None)
-            else:
-                del wanted[topic]
-        return servers
+    def _choose_servers(self, domain: Domain, wanted: dict[str, str]) -> None:
+        """Drop the topics of action servers that are ignored, or too many."""
+        topics, owners = (
+            [each for each in wanted if wanted[each] == GOALS_TYPE],
+            self._owners[domain],
+        )
+        if not topics and domain not in self._chosen:
+            return
+        known = self._chosen.get(domain)
+        if known is None or known[:2] != (owners, topics):
+            servers = {topic: each for topic in topics if (each := self._server(owners, topic))}
+            chosen = self.servers.choose(domain, servers)
+            known = self._chosen[domain] = owners, topics, [*{*topics} - chosen]
+        for topic in known[2]:
+            del wanted[topic]
+
+    def _server(self, owners: _Owners, topic: str) -> ActionServer | None:
+        """The server of a topic; None where the config ignores it."""
+        robot = owners.by_name[owners.of(topic) or ""]
+        action = self._robots[robot.name].action_of(topic)
+        if not action:
+            return None
+        rule = rule_for(robot.profile.actions, robot.namespace, action)
+        return ActionServer(robot.name, action, is_named=rule is not None)
 
     def _asking(self, domain: Domain, name: str, kind: str) -> Iterator[str]:
         """The robots that ask for a topic of this type."""
