@@ -28,6 +28,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
         *_units(checked),
         *_labels_of_no_robot(checked, fleet),
         *_uplinks_of_no_entry(checked),
+        *_goals_of_no_graph(checked),
         *_nothing_to_watch(checked, fleet),
     ]
     return tuple(str(each) for each in found)
@@ -111,6 +112,14 @@ def _uplinks_of_no_entry(checked: Checked) -> Iterator[Finding]:
             )
             remedy = f"add {{name: {uplink}, source: queries, address: ...}} to robots"
             yield placed.problem("labels", "uplink", what=what, remedy=remedy)
+
+
+def _goals_of_no_graph(checked: Checked) -> Iterator[Finding]:
+    """Without the ROS graph no action server is known, so no entry judges anything."""
+    for placed in checked.profiles:
+        if placed.entry.actions and placed.entry.graph.mode == "off":
+            what = "are never judged, because graph.mode is off"
+            yield placed.problem("actions", what=what, remedy="remove one of them")
 
 
 def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:

@@ -157,9 +157,11 @@ class FleetMissions:
             self._written.add(row.key[0])
             if row.key[0] in robots and row.fields is not None:
                 learned: Any = row.fields
-                missions = _missions(robots[row.key[0]])
+                robot = robots[row.key[0]]
+                missions = _missions(robot)
                 missions.restore(MissionsLearned(**learned), now)
                 missions.schedule(now.mono)
+                robot.marks.note(Mark.GOALS)
 
 
 def _missions(robot: RobotState) -> Missions:

@@ -187,6 +187,7 @@ class FleetState(WatchedFleet):
         if robot.next_tick < robot.look_at:
             self._look_at_latest(robot, robot.next_tick)
 
+    @override
     def _look_at_latest(self, robot: RobotState, due: float) -> None:
         """Have a robot looked at by then, monotonic."""
         if due < robot.look_at:

@@ -205,6 +205,8 @@ class WatchedFleet(ABC):
         own = [row for row in rows if row.kind == MISSIONS]
         if own:
             self._with_missions().restore(own, self._registry.robots, now)
+            for robot in self._registry.robots.values():
+                self._look_at_latest(robot, robot.next_tick)
 
     def _mission_rows(self, now: Instant, *, at_once: bool) -> Iterable[Row]:
         """The rows of missions that are to be written now; under the lock."""
@@ -272,6 +274,10 @@ class WatchedFleet(ABC):
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
             self._follow(robot, now)
+
+    @abstractmethod
+    def _look_at_latest(self, robot: RobotState, due: float) -> None:
+        """Have a robot looked at by then, monotonic."""
 
     @abstractmethod
     def _follow(self, robot: RobotState, now: Instant) -> None:

@@ -18,6 +18,11 @@ import pytest
             "shared: [{topic: /diagnostics, domain_id: 200}]",
             ["2: shared[0].domain_id: DDS domain 200 shares its ports with Linux' outgoing"],
         ),
+        (
+            """robots: [{name: a}]
+profiles: {default: {graph: {mode: "off"}, actions: [{match: dock, aborted: {critical: 1}}]}}""",
+            ["3: profiles.default.actions: are never judged, because graph.mode is off; remove"],
+        ),
         ("{}", ["1: no robots, discovery or shared topics, so there is nothing to watch; add"]),
         (
             """robots: [{name: a, labels: {site: x}}]

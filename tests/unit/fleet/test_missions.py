@@ -157,6 +157,15 @@ def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, t
     assert again.faults == set()
 
 
+def test_after_a_restart_a_goal_whose_robot_does_not_return_is_unknown(mission, tmp_path):
+    mission.begin(GOTO)
+    driver = mission.driver.again(tmp_path / "x.db")
+    assert driver.sample("goals_total", action=GOTO, result="unknown") == 0
+    driver.at(601)
+
+    assert driver.sample("goals_total", action=GOTO, result="unknown") == 1
+
+
 def test_a_server_that_leaves_the_graph_leaves_its_goal_unknown_after_a_time(mission):
     mission.begin(GOTO)
     del mission.types[topic(GOTO)]

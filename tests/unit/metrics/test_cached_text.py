@@ -37,6 +37,8 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.config.missions import ActionRule, Modes, TooMany
+from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
 from ros_diagnostics_exporter.events import EventLog
 from ros_diagnostics_exporter.fleet.discovery import found_robot
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -93,6 +95,8 @@ RICH = replace(
             "seeing", Expression(1, (ComponentsOf((Pattern("Laser"), Pattern("Arm"))),))
         ),
     },
+    actions=(ActionRule((Pattern("go"),), aborted=TooMany(1, 2, 20.0)),),
+    modes=Modes((Pattern("Laser"),), (Pattern("Volt"),), (Pattern("5"),)),
 )
 STRICT = replace(
     PLAIN,
@@ -197,6 +201,7 @@ reports = st.builds(
     st.booleans(),
     st.just(()),
 )
+goals = st.sampled_from(["go", "go", "dock"])  # their actions
 events = st.one_of(
     st.tuples(st.just("raw"), topics, rows),
     st.tuples(st.just("raw"), topics, rows),
@@ -216,6 +221,7 @@ events = st.one_of(
     st.tuples(st.just("restart"), st.sampled_from([None, OK, ERROR])),
     st.tuples(st.just("answer"), st.sampled_from(QUERIES), answers),
     st.tuples(st.just("report"), reports),
+    st.tuples(st.just("goals"), goals, st.sampled_from([EXECUTING, EXECUTING, SUCCEEDED, ABORTED])),
     st.tuples(st.just("links"), st.sampled_from([None, READING])),
 )
 LASER = Status(OK, "Laser", "", "", (("Volt", "5"),))
@@ -250,6 +256,7 @@ class History:
         self.storage = Storage(self._path)
         self.storage.load(self.state, self.now)
         self._downtimes: list[Downtime] = []
+        self._goals = 0
         self._last: tuple[str, tuple[Status, ...]] = "/r1/d", (Status(OK, "Motor"),)
         self._groups: dict[str, list[Status]] = {"Base": [Status(OK, "Motor")]}
 
@@ -305,6 +312,15 @@ class History:
 
     def _do_links(self, reading: LinkReading | None) -> None:
         self.state.update_links(0, {"/r1/d": reading}, self.now)
+
+    def _do_goals(self, action: str, status: int) -> None:
+        """A list of one goal of r1: a new one if it is executed."""
+        robot = self.state.robots.get("r1")
+        self._goals += status == EXECUTING
+        goal = Goal(self._goals.to_bytes(16, "big"), float(self._goals), status)
+        if robot is not None:
+            self.state._with_missions().see(robot, action, (goal,), self.now)
+            self.state._follow(robot, self.now)
 
     def _do_undecodable(self, topic: str) -> None:
         self.state.reject_undecodable(Topic(0, topic), "too short", self.now)
