@@ -5,12 +5,13 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.decode.goals import ABORTED, SUCCEEDED
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
 from ros_diagnostics_exporter.model import Stream, Topic
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
 from support.missions import DOCK, FLEET, GOTO, MODES, SPIN, Mission, drive, topic
-from support.state_driver import ERROR, LASER, OK, WARN
+from support.state_driver import ERROR, LASER, OK, SETTLED, WARN, StateDriver
 
 
 @pytest.fixture
@@ -292,3 +293,33 @@ def test_an_action_whose_entry_is_removed_is_no_component_any_more(mission):
 
     assert mission.faults == set()
     assert {each.label for each in mission.driver.robot.components} == {"Laser 1"}
+
+
+def test_goals_of_one_action_that_fail_on_many_robots_are_one_fault(tmp_path):
+    names = [f"r{number}" for number in range(6)]
+    robots = ", ".join(f"{{name: {each}, namespace: /{each}, source: raw}}" for each in names)
+    path = tmp_path / "fleet.yml"
+    path.write_text(
+        f"fleet: f\nrobots: [{robots}]\n"
+        f"profiles: {{default: {{actions: [{{match: {DOCK}, aborted: {{critical: 1}}}}]}}}}\n",
+        encoding="utf-8",
+    )
+    driver = StateDriver(fleet=load(path))
+    topics = [f"/{each}/{DOCK}{STATUS}" for each in names]
+
+    def stand(seconds: int) -> None:
+        for _ in range(seconds):
+            for name in names:
+                driver._receive(f"/{name}/diagnostics", (LASER,), 0.0)
+            driver.at(driver.now.mono + 1)
+
+    driver.state.update_nodes(0, [("dock", f"/{each}") for each in names], driver.now)
+    driver.state.watched_topics(0, {each: [GOALS_TYPE] for each in topics}, driver.now)
+    stand(int(SETTLED))
+    for goals in ((), (Goal(b"0" * 16, 1.0, EXECUTING),), (Goal(b"0" * 16, 1.0, ABORTED),)):
+        for each in topics:
+            driver.state.receive_goals(0, each, goals, driver.now)
+        stand(1)
+    stand(30)
+
+    assert driver.fault_names() == {("common", "critical", DOCK)}
