@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.api.aborted import aborted_texts
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -146,8 +147,9 @@ def story(
     parts = _parts(_faults(known, robot, since))
     recent = [each for each in known if each["time"] >= since]
     when = in_time(since, now)
+    goals = [_sentence(*each) for each in aborted_texts(recent, when)]
     if not parts:
-        return [_sentence("", f"No fault {when}.")]
+        return [_sentence("", f"No fault {when}."), *goals]
     named = sorted(parts, key=lambda each: _worst_first(each, now))[:MOST]
     found = [
         _sentence(part.name, text)
@@ -155,7 +157,8 @@ def story(
         for text in _of_part(part, recent, robot, now, when)
     ]
     left = len(parts) - len(named)
-    return found + ([_sentence("", f"{left} more parts were faulty {when}.")] if left else [])
+    more = [_sentence("", f"{left} more parts were faulty {when}.")] if left else []
+    return [*found, *more, *goals]
 
 
 def recorded(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 from urllib.parse import urlencode
@@ -10,13 +9,13 @@ from urllib.parse import urlencode
 import click
 from rich.text import Text
 
+from ros_diagnostics_exporter.api.aborted import aborted_texts
 from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
 
-SINCE = "7d"  # of the events that are looked at
-MOST = 5  # problems that are named
+SINCE, WHEN = "7d", "in the last 7 days"  # of the events that are looked at
 
 
 @click.command(epilog="Example: ros-diagnostics missions robot_3")
@@ -27,7 +26,11 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
     """Show how the goals of ROBOT, or of all robots, ended, and what was wrong when not well."""
     wanted = {} if robot is None else {"robot": robot}
     found = servers.exporter.get(f"/api/v1/missions?{urlencode(wanted)}".rstrip("?"))
-    events = list(servers.exporter.events(SINCE, kind="goal", **wanted))
+    events = [
+        event
+        for kind in ("goal", "intervention")
+        for event in servers.exporter.events(SINCE, kind=kind, **wanted)
+    ]
     if output == "json":
         print_json({**found, "aborted": events})
     else:
@@ -44,7 +47,8 @@ def _print(robots: list[dict[str, Any]], events: list[dict[str, Any]]) -> None:
         for action in each["actions"]:
             table.add_row(*_row(each["robot"], action))
     console.print(table)
-    for line in (*_autonomy(robots), *_because(events)):
+    texts = (text for _action, text in aborted_texts(events, WHEN))
+    for line in (*_autonomy(robots), *texts):
         console.print(Text(one_line(line)))
 
 
@@ -73,16 +77,3 @@ def _autonomy(robots: Iterable[dict[str, Any]]) -> Iterator[str]:
         if "interventions" in each:
             hours, number = each["autonomous_seconds"] / 3600, each["interventions"]
             yield f"{each['robot']}: {number} interventions in {hours:.1f} h of autonomy"
-
-
-def _because(events: list[dict[str, Any]]) -> Iterator[str]:
-    """How many goals were aborted while something was wrong, most of them first."""
-    wrong = Counter(
-        (each["about"], each["state"])
-        for event in events
-        for each in event.get("details", {}).get("problems", ())
-    )
-    if events:
-        yield f"{len(events)} goals of missions were aborted in the last {SINCE}"
-    for (about, state), number in wrong.most_common(MOST):
-        yield f"  {number} of them while {about} was {state}"

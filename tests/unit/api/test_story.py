@@ -313,3 +313,24 @@ def check_preceding(text: str, spells: list[tuple[int, int]], changes: list[tupl
         assert found[1] == str(len(spells))
         assert found[2] == (low if low == high else f"{low} to {high}")
         assert f"which happened {'once' if number == 1 else f'{number} times'}." in text
+
+
+def goal(time: float, component: str = "dock_robot", **wrong: str) -> Event:
+    kind = "goal" if component else "intervention"
+    problems = [{"about": about, "state": state} for about, state in wrong.items()]
+    details = {"details": {"problems": problems}} if problems else {}
+    of = {"robot": "r", "component": component, "after": "aborted"}
+    return {"id": 0, "time": time, "kind": kind, **of, **details}
+
+
+def test_aborted_goals_and_interventions_are_counted_with_what_was_wrong():
+    events = [goal(NOW - 100, Laser="STALE"), goal(NOW - 90, Laser="STALE"), goal(NOW - 80)]
+    events += [goal(NOW - 70, "spin", Laser="STALE"), goal(NOW - 60, ""), goal(NOW - 50, "")]
+    events += [goal(BEGIN - 10, "spin")]
+
+    assert sentences(events) == [
+        "No fault in the last 7 days.",
+        "3 goals of dock_robot were aborted in the last 7 days: 2 of them while Laser was STALE.",
+        "There were 2 interventions in the last 7 days.",
+        "One goal of spin was aborted in the last 7 days: while Laser was STALE.",
+    ]
