@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime,
 from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
 from ros_diagnostics_exporter.api import fault_history, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
+from ros_diagnostics_exporter.api.occurrences import history
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -392,21 +392,6 @@ class Service:
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
         return capability_tree(self.state, robot, read_clocks())
-
-    def story(self, robot: str) -> dict[str, Any]:
-        """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""
-        self._record_events()
-        now = read_clocks()
-        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        since = max(now.wall - WEEK, self._events_since() or now.wall)
-        events, since = recorded(self._find, robot, since)
-        return {
-            "fleet": self.state.fleet.name,
-            "robot": robot,
-            "time": now.wall,
-            "since": since,
-            "sentences": story(events, known, now.wall, since),
-        }
 
     def notified(self, body: bytes) -> tuple[int, int]:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""

@@ -29,7 +29,6 @@ PROGRAM = "ros-diagnostics"
 COMMANDS = {
     "status": "Show the fleet: each robot's state and problems.",
     "why": "Show why somebody was notified of a robot's faults, or nobody.",
-    "story": "Show what failed of a robot in a week, in sentences.",
     "history": "Show what happened to a robot.",
     "report": "Write or mail the weekly report of a fleet.",
     "capabilities": "Show what a robot can do, and what it would lose next.",

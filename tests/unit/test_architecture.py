@@ -58,6 +58,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
             "limits",
             "pairs",
             "terminal",
+            "week_sentences",
             "times",
             "yaml_nodes",
         ),

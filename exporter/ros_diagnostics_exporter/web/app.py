@@ -183,10 +183,9 @@ def _robot_page(
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         history = backend.why(name, None, None, ask=False)["entries"]
-        sentences = backend.story(name)["sentences"]
     except LookupError:
-        history = sentences = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, history, sentences, acting=acting)
+        history = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, history, acting=acting)
 
 
 @dataclass(frozen=True)
@@ -263,7 +262,6 @@ def build(
         Route("/api/v1/faults", api.faults),
         Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/recording.mcap", api.recording),
-        Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
         Route("/api/v1/capabilities", api.capabilities),

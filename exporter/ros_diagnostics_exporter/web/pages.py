@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
-from operator import itemgetter
+from itertools import islice
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
@@ -111,14 +110,12 @@ def robot_page(
     name: str,
     events: Iterable[dict[str, Any]],
     history: Iterable[dict[str, Any]] = (),
-    sentences: Iterable[dict[str, str]] = (),
     *,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``history`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
-    ``acting`` it has forms.
+    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms.
 
     All texts in it are escaped.
     """
@@ -127,6 +124,9 @@ def robot_page(
         return None
     now = fleet["time"]
     problems, problem_number = shown_problems(robot, now, MAX_LISTED)
+    in_order = list(history)[-EVENTS:]
+    shown = {(each["time"], each["text"]) for each in in_order}
+    others = (each for each in events if (each["time"], one_line(event_text(each))) not in shown)
     return _render(
         "robot.html",
         title=f"{name}: ROS diagnostics",
@@ -139,14 +139,10 @@ def robot_page(
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
-        history=list(history)[-EVENTS:],
-        paragraphs=[
-            [each["text"] for each in of_one]
-            for _about, of_one in groupby(sentences, key=itemgetter("about"))
-        ],
+        history=in_order,
         components=_components(robot, problems),
         component_number=len(robot["components"]),
-        events=list(islice(events, EVENTS)),
+        events=list(islice(others, EVENTS)),
         acting=acting,
         downtimes=DOWNTIMES,
         planned=robot["downtimes"],

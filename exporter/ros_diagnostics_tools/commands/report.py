@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from ros_diagnostics_exporter.api.story import KINDS, occurrences
+from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.address import Address

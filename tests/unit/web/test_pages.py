@@ -12,6 +12,7 @@ import pytest
 import yaml
 from markupsafe import escape
 
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import SUPPRESSED, state_of
 from ros_diagnostics_exporter.texts import one_line
@@ -635,16 +636,15 @@ def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():
     assert "Queries without" not in landing(fleet(robot("r")), "/metrics")
 
 
-def test_a_robots_page_has_its_story_each_part_in_one_paragraph(serve):
-    told = [
-        {"about": "a", "text": f"Motor was faulty once {EVIL}."},
-        {"about": "a", "text": "ann has it."},
-        {"about": "b", "text": "Lidar was faulty 2 times."},
-    ]
-    server = serve(
-        fleet_snapshot=lambda: fleet(robot("a")), story=lambda _robot: {"sentences": told}
-    )
-    shown = read(ask(server, "/robots/a").text)
-    assert f"Motor was faulty once {EVIL}. ann has it. " in shown.text
-    assert [tag for tag, _ in shown.tags if tag in {"script", "img"}] == ["script"]
-    assert "Lidar was faulty 2 times." in shown.text
+def test_what_is_among_the_last_faults_in_order_is_not_listed_again():
+    log = EventLog()
+    for at, after in ((1_000.0, "silent"), (1_040.0, "received")):
+        log.record(Event(at, "robot", "a", after=after))
+    text = event_text(next(iter(log.find(Wanted(robot="a")))))
+    entries = [{"time": 1_040.0, "text": text}]
+
+    page = robot_page(fleet(robot("a")), "a", log.find(Wanted(robot="a")), entries) or ""
+
+    assert page.count(text) == 1
+    _, others = read(page).text.split("Other recent events")
+    assert "is silent" in others
