@@ -424,12 +424,12 @@ class Service:
         """End a downtime that a person planned, as Backend says."""
         self._act(cancel_downtime, (robot, component, until), person)
 
-    def _act(self, do: Callable[..., Event], of: Any, person: Person) -> None:
+    def _act(self, do: Callable[..., Event], about: Any, person: Person) -> None:
         """Do it, record it, and read the silences anew."""
         if self.alertmanager is None:
             raise ConnectionError("the exporter runs without --alertmanager.url")
         try:
-            event = do(self.alertmanager, self.state.fleet.name, of, person, read_clocks().wall)
+            event = do(self.alertmanager, self.state.fleet.name, about, person, read_clocks().wall)
         except UnreachableError as error:
             raise ConnectionError(f"Alertmanager does not answer: {error}") from error
         log.info("%s by %s: %s", event.after, event.author, event.message)

@@ -133,22 +133,22 @@ def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _lasted(found: list[Spell], now: float) -> str:
+def _lasted(lasted: list[Spell], now: float) -> str:
     """How long each time was, or the shortest, the longest and the sum; and whether it goes on."""
-    lengths = [(now if each.until is None else each.until) - each.since for each in found]
+    lengths = [(now if each.until is None else each.until) - each.since for each in lasted]
     if len(lengths) == 1:
         words = f"for {span(lengths[0])}"
     else:
         low, high = span(min(lengths)), span(max(lengths))
         each = low if low == high else f"{low} to {high}"
         words = f"for {each} each, {span(sum(lengths))} in all"
-    last = found[-1]
+    last = lasted[-1]
     return words if last.until is not None else f"{words}, and it goes on"
 
 
-def preceding(part: _Part, found: list[Spell], events: Iterable[Event]) -> str | None:
+def preceding(part: _Part, lasted: list[Spell], events: Iterable[Event]) -> str | None:
     """What happened before each time that a part failed, if it hardly ever did otherwise."""
-    if len(found) < AGAIN:
+    if len(lasted) < AGAIN:
         return None
     own = {(fault["group"], fault["component"]) for fault in part.faults}
     moments: dict[str, list[float]] = {}
@@ -158,16 +158,16 @@ def preceding(part: _Part, found: list[Spell], events: Iterable[Event]) -> str |
             moments.setdefault(words, []).append(event["time"])
     candidates = []
     for words, times in moments.items():
-        delays = [_delay(each.since, times) for each in found]
+        delays = [_delay(each.since, times) for each in lasted]
         known = [each for each in delays if each is not None]
-        if len(known) == len(found) and len(times) <= 2 * len(found):
+        if len(known) == len(lasted) and len(times) <= 2 * len(lasted):
             candidates.append((len(times), max(known) - min(known), words, known))
     if not candidates:
         return None
     number, _spread, words, delays_known = min(candidates)
     low, high = span(min(delays_known)), span(max(delays_known))
     delay = low if low == high else f"{low} to {high}"
-    each = f"Each of the {len(found)} times it began {delay} after {words}"
+    each = f"Each of the {len(lasted)} times it began {delay} after {words}"
     return f"{each}, which happened {_times(number)}."
 
 

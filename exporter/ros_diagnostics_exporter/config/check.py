@@ -76,10 +76,10 @@ def _discovery(discovery: Discovery) -> str:
     )
 
 
-def _settings(found: Robot | Discovery) -> tuple[str, str, str]:
+def _settings(robot: Robot | Discovery) -> tuple[str, str, str]:
     """The settings that declared and discovered robots have in common."""
-    address = f"address {found.address}" if found.address else ""
-    return f"profile {found.profile.name}", address, _pairs(found.labels)
+    address = f"address {robot.address}" if robot.address else ""
+    return f"profile {robot.profile.name}", address, _pairs(robot.labels)
 
 
 def _shared(shared: Shared) -> str:

@@ -314,11 +314,11 @@ class _Resolver:
         return merged
 
     def _added(
-        self, key: str, inherited: _Content, own: _Content, placed: Placed[Profile]
+        self, key: str, inherited: _Content, given: _Content, placed: Placed[Profile]
     ) -> _Content:
         """The inherited ones with a profile's own added, replaced and (null) removed."""
-        both = {**inherited, **own}
-        removed = [name for name, each in own.items() if each is None]
+        both = {**inherited, **given}
+        removed = [name for name, each in given.items() if each is None]
         for name in removed:
             del both[name]
             if name not in inherited:

@@ -223,10 +223,10 @@ def capability_name(value: Any) -> str:
     return found
 
 
-def is_name(found: str) -> bool:
+def is_name(text: str) -> bool:
     """Whether a text, from the config or from a robot, can be a robot's name."""
-    is_clean = found.isprintable() and found == found.strip() and "/" not in found
-    return is_clean and 1 <= len(found) <= MAX_NAME
+    is_clean = text.isprintable() and text == text.strip() and "/" not in text
+    return is_clean and 1 <= len(text) <= MAX_NAME
 
 
 def address(value: Any) -> str:

@@ -192,9 +192,9 @@ def _with_level(component: Component) -> Fields:
     }
 
 
-def _first(name: str, found: Iterable[Any]) -> Fields:
+def _first(name: str, items: Iterable[Any]) -> Fields:
     """A list of the first few of them, and how many more there are."""
-    listed = list(found)
+    listed = list(items)
     more = {f"more_{name}": len(listed) - _MOST_NAMED} if len(listed) > _MOST_NAMED else {}
     return {name: listed[:_MOST_NAMED], **more} if listed else {}
 
@@ -245,8 +245,8 @@ def _account(fields: Fields) -> str:
     return "no longer reports" + (f"; its last message: {message}" if message else "")
 
 
-def _component_text(of: Fields) -> str:
-    return f"{of['component']} {_WORDS.get(of['level'], of['level'])}"
+def _component_text(component: Fields) -> str:
+    return f"{component['component']} {_WORDS.get(component['level'], component['level'])}"
 
 
 def _part_line(part: Fields) -> str:

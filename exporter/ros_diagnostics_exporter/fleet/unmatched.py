@@ -227,11 +227,11 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
 
 
 def _conditions(
-    conditions: Conditions | None, own: Pattern | None, parts: Collection[Part]
+    conditions: Conditions | None, about: Pattern | None, parts: Collection[Part]
 ) -> Iterator[tuple[Unmatched, bool]]:
-    """What the conditions of an entry ask about; ``own`` are the components that it is for."""
+    """What the conditions of an entry ask about; ``about`` are the components that it is for."""
     for each in () if conditions is None else (*conditions.when, *conditions.unless):
-        patterns = each.component or tuple(filter(None, (own,)))
+        patterns = each.component or tuple(filter(None, (about,)))
         asked = [part for part in parts if not patterns or _is_named(part, patterns)]
         keys = [key for _group, _name, keys in asked for key in keys]
         matches = any(key_matches(pattern, key) for key in keys for pattern in each.key)
@@ -301,9 +301,9 @@ class UnmatchedWatch:
         self.counts = dict.fromkeys(KINDS, 0)  # how many of each kind
         self._since: dict[Unmatched, float] = {}
 
-    def update(self, found: Iterable[Unmatched], now: Instant) -> None:
+    def update(self, unmatched: Iterable[Unmatched], now: Instant) -> None:
         """Take what matches nothing now."""
-        self._since = {each: self._since.get(each, now.mono) for each in found}
+        self._since = {each: self._since.get(each, now.mono) for each in unmatched}
         entries = tuple(each for each, at in self._since.items() if now.mono - at >= GRACE)
         for each in entries:
             if each not in self.entries:

@@ -89,8 +89,8 @@ def landing(
 def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
     """The fleet with only the robots, and the problems of many, that have ``text`` in them."""
 
-    def has(of: dict[str, Any], *names: object) -> bool:
-        shown, _ = shown_problems(of, fleet["time"], MAX_LISTED)
+    def has(owner: dict[str, Any], *names: object) -> bool:
+        shown, _ = shown_problems(owner, fleet["time"], MAX_LISTED)
         words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
         return any(text in str(each).casefold() for each in words)
 
@@ -263,9 +263,9 @@ class _Component(NamedTuple):
     shown_values: list[dict[str, Any]]
 
 
-def _worst_first(each: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
+def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     """A sort key: in one state, confirmed problems come first, and suppressed ones last."""
-    state, robot = each
+    state, robot = entry
     confirmed = any(problem["confirmed"] is not None for problem in robot["problems"])
     soft = any(problem["suppressed"] is None for problem in robot["problems"])
     return -SEVERITIES[state], not confirmed, not soft, natural(robot["robot"])

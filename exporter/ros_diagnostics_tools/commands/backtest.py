@@ -369,15 +369,15 @@ def _print_tables(judged: _Judged) -> None:
     console.print(report.summary(judged.result, judged.seconds), markup=False, highlight=False)
 
 
-def _print_suggestions(console: Console, found: list[suggest.Suggestion]) -> None:
-    if not found:
+def _print_suggestions(console: Console, suggestions: list[suggest.Suggestion]) -> None:
+    if not suggestions:
         console.print("nothing to propose: the settings fit what was recorded")
         return
     titles = ("Profile", "Component", "Setting", "Now", "Proposed", "Reason")
     table = make_table(*titles)
-    for each in found:
+    for each in suggestions:
         texts = each.profile, each.about, each.setting, each.current, each.proposed, each.reason
         table.add_row(*map(one_line, texts))
     console.print(table, markup=False)
     console.print("\nFor fleet.yml; entries of lists go before those that are there:\n")
-    console.print(suggest.as_yaml(found), markup=False, highlight=False, soft_wrap=True)
+    console.print(suggest.as_yaml(suggestions), markup=False, highlight=False, soft_wrap=True)

@@ -41,20 +41,20 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
         _print(found, losses)
 
 
-def _print(found: dict[str, Any], losses: list[Loss]) -> None:
+def _print(answer: dict[str, Any], losses: list[Loss]) -> None:
     console = make_console()
-    if not found["capabilities"]:
+    if not answer["capabilities"]:
         console.print(
-            Text(f"fleet.yml has no capabilities for {one_line(found['robot'] or 'the fleet')}.")
+            Text(f"fleet.yml has no capabilities for {one_line(answer['robot'] or 'the fleet')}.")
         )
         return
     needed = {
         inner["capability"]
-        for each in found["capabilities"]
+        for each in answer["capabilities"]
         for inner in _inner(each["need"])
         if "capability" in inner
     }
-    by_name = {each["capability"]: each for each in found["capabilities"]}
+    by_name = {each["capability"]: each for each in answer["capabilities"]}
     table = make_table("State", "What")
     for name, each in by_name.items():
         if name not in needed:

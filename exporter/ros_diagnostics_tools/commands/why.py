@@ -46,13 +46,13 @@ def command(
         _print(found)
 
 
-def _print(found: dict[str, Any]) -> None:
+def _print(answer: dict[str, Any]) -> None:
     console = make_console()
     table = Table("Time", "What happened", box=None, pad_edge=False)
-    for each in found["entries"]:
-        moment = clock(each["time"], found["time"], local=True)
+    for each in answer["entries"]:
+        moment = clock(each["time"], answer["time"], local=True)
         table.add_row(*cells((moment, each["text"])))
-    console.print(table if found["entries"] else Text("No fault and no event at that time."))
-    console.print(Text(f"\nNow, {clock(found['time'], found['time'], local=True)}:"))
-    for sentence in found["now"] or ["no problem"]:
+    console.print(table if answer["entries"] else Text("No fault and no event at that time."))
+    console.print(Text(f"\nNow, {clock(answer['time'], answer['time'], local=True)}:"))
+    for sentence in answer["now"] or ["no problem"]:
         console.print(Text(f"  {one_line(sentence)}"))
