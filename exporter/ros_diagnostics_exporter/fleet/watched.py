@@ -81,6 +81,15 @@ class WatchedFleet(ABC):
                 if robot.settings.domain_id == domain_id and (robot.last_mono or 0.0) > mono
             ]
 
+    def silent_topics(self, domain_id: Domain) -> list[str]:
+        """The topics of a domain of which no robot is up."""
+        with self._lock:
+            return [
+                topic.name
+                for topic, bound in self._registry.bindings.items()
+                if topic.domain_id == domain_id and not any(robot.up for robot, _raw in bound)
+            ]
+
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():

@@ -129,6 +129,11 @@ class Listener:
         """When the DDS domains were joined, monotonic; infinity: not yet."""
         return {each: of.joined_at for each, of in self._domains.items() if each != ZENOH}
 
+    def received_since(self, domain: Domain, topics: Iterable[str], mono: float) -> set[str]:
+        """Those of these topics of which any bytes were taken since then."""
+        known = self._domains[domain].topics
+        return {each for each in topics if each in known and known[each].content.received_at > mono}
+
     @property
     def joining(self) -> tuple[Domain, ...]:
         """The domains that are being joined, which may take long."""

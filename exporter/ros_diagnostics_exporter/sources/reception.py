@@ -111,7 +111,7 @@ class Content:
 
     queue: TopicQueue
     decoder: Decoder = field(default_factory=Decoder)
-    received: bool = False  # since the last look at the graph
+    received_at: float = 0.0  # when bytes were last taken, monotonic
     link: Link = field(default_factory=Link)
 
 
@@ -378,9 +378,9 @@ class Reception(ABC):
 
     def _drain(self, name: str, topic: Subscription, taken: Any) -> None:
         """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
-        until = time.monotonic() + DRAIN_TIME
+        topic.content.received_at = time.monotonic()
+        until = topic.content.received_at + DRAIN_TIME
         largest = number = 0
-        topic.content.received = True
         while taken is not None:
             self.measure(topic.content.link, taken)
             data = self.data(taken)
