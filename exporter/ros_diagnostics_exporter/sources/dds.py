@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import partial
 from importlib import metadata
 from time import monotonic, thread_time
@@ -173,6 +173,11 @@ class DdsDomain(Reception):
     @override
     def number(self, taken: tuple[bytes, Mapping[str, int | None]]) -> int:
         return taken[1]["publication_sequence_number"] or 0
+
+    @override
+    def identity(self, taken: tuple[bytes, Mapping[str, int | None]]) -> Hashable:
+        number, sent = taken[1]["publication_sequence_number"], taken[1]["source_timestamp"]
+        return (number, sent) if number and sent else super().identity(taken)
 
     @override
     def measure(self, link: Link, taken: tuple[bytes, Mapping[str, int | None]]) -> None:
@@ -343,7 +348,8 @@ class DdsDomain(Reception):
         subscribed = self._subscriptions[name] = Subscribed(subscription)
 
         def close() -> None:
-            del self._subscriptions[name]
+            if self._subscriptions.get(name) is subscribed:  # else another one replaces it
+                del self._subscriptions[name]
             subscribed.close()
             node.destroy_subscription(subscription)
 

@@ -14,8 +14,7 @@ LARGE = 256 << 10  # bytes of a message whose memory matters
 BUDGET = 64 << 20  # bytes that the middleware may hold of all topics of a domain
 MOST = 20  # topics that are subscribed anew in one turn, which costs others their time
 PAUSE = 10.0  # seconds without a message after which a topic has paused
-# ... where all together hold too much. Between two subscriptions of a topic messages are lost, so
-# one that is being received keeps its own.
+# ... where all together hold too much. One that is being received would soon hold as much again.
 SHORT_PAUSE = 1.0
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Top
 from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
+from ros_diagnostics_exporter.sources.handover import Handovers, Taking
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
 from ros_diagnostics_exporter.sources.pools import Pools, trim
 from ros_diagnostics_exporter.texts import one_line
@@ -159,6 +160,7 @@ class Reception(ABC):
         self.max_message = Limits().message_bytes
         self.topics: dict[str, Subscription] = {}
         self._pools = Pools()
+        self._handovers = Handovers(self.identity)
         self.error = ""  # why it could not be joined
         self.look_error = ""  # the last one since the graph was looked at in full
         self.take_error = ""  # of the last turn's messages
@@ -201,6 +203,10 @@ class Reception(ABC):
     @abstractmethod
     def data(self, taken: Any) -> bytes:
         """The bytes of what was taken."""
+
+    def identity(self, taken: Any) -> Hashable:
+        """What tells a message from the others of a few seconds."""
+        return hash(self.data(taken))
 
     def number(self, taken: Any) -> int:  # noqa: ARG002 - of those that override
         """The publisher's number of what was taken; 0 where the middleware does not say it."""
@@ -339,14 +345,16 @@ class Reception(ABC):
             self._subscribe(name, offer, topic.depth, topic.content)
 
     def _subscribe(self, name: str, offer: object, depth: int, content: Content) -> None:
-        """Subscribe anew; what waits in ``content`` stays."""
-        if name in self.topics:
-            self.topics.pop(name).close()
-        take, close = self.open(name, offer, depth)
-        self.topics[name] = Subscription(take, close, offer, depth, content)
+        """Subscribe, or anew; what waits in ``content`` stays."""
+        new, old = Taking(*self.open(name, offer, depth)), self.topics.get(name)
+        if old is not None:
+            before = Taking(old.take, old.close)
+            new = self._handovers.begin(name, before, new, time.monotonic())
+        self.topics[name] = Subscription(*new, offer, depth, content)
 
     def unsubscribe(self, name: str) -> None:
         """Take no more of a topic."""
+        self._handovers.forget(name)
         self.topics.pop(name).close()
         self._pools.forget(name)
         self._waiting.pop(name, None)
@@ -354,12 +362,14 @@ class Reception(ABC):
             del self._logged[key]
 
     def _give_back(self) -> None:
-        """Subscribe topics anew that hold much memory for messages that no longer come."""
-        due = self._pools.take_due(time.monotonic())
-        for name in due:
+        """Replace subscriptions that hold much memory for messages that no longer come."""
+        now = time.monotonic()
+        for name in self._pools.take_due(now):
             topic = self.topics[name]
             self._subscribe(name, topic.offer, topic.depth, topic.content)
-        if due:
+        if over := self._handovers.end(now):
+            for name, new in over.items():
+                self.topics[name].take, self.topics[name].close = new
             trim()
 
     # -- messages -------------------------------------------------------------------------------
