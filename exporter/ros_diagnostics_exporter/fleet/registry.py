@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
 from ros_diagnostics_exporter.robots.robot import RobotState, accepts
 
+NEWCOMERS_SHARE = 2  # they may have the half of all series
 SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # Seconds that a discovered robot has to publish something before it may be replaced by another:
 # monitors that publish once a minute exist (Autoware).
@@ -39,6 +40,7 @@ class RobotRegistry:
         self.bindings: dict[Topic, list[tuple[RobotState, bool]]] = {}  # robot, is the topic raw
         self.shared_topics: dict[Topic, SharedTopic] = {}
         self.series = SeriesLimit(fleet.limits.series)
+        self._newcomers_series = SeriesLimit(fleet.limits.series // NEWCOMERS_SHARE, self.series)
         self._newcomers = NewcomerRate(fleet.limits.new_robots, now)
         self._fleet = fleet
         self._events = events
@@ -62,6 +64,7 @@ class RobotRegistry:
         self._fleet = fleet
         self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
+        self._newcomers_series.limit = fleet.limits.series // NEWCOMERS_SHARE
         self._newcomers.at_once = fleet.limits.new_robots
         self.rejections.reset()
         for domain_id, types in self._other_types.items():
@@ -143,20 +146,23 @@ class RobotRegistry:
         self, settings: config.Robot, now: Instant, *, declared: bool, known: bool = False
     ) -> RobotState | None:
         """A new robot, ``known`` to an earlier process; None where a limit rejects it."""
-        limit = self._limit()
+        is_new = not (declared or known)
+        series = self._newcomers_series if is_new and self._newcomers.limits(now) else self.series
+        limit = self._limit(series)
         if limit is not None and self._replace_one(now, at_once=declared):
-            limit = self._limit()
-        if limit is None and not (declared or known or self._newcomers.take(now)):
+            limit = self._limit(series)
+        if limit is None and is_new and not self._newcomers.take(now):
             limit = "new_robots"
         if limit is not None:
             self._reject(settings, limit, now)
             return None
-        self.series.add(SERIES_OF_ROBOT)
+        series.add(SERIES_OF_ROBOT)
         robot = RobotState(
-            settings, self._fleet.limits, self.series, self._events, now, declared=declared
+            settings, self._fleet.limits, series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
-        robot.is_newcomer = not known and self._newcomers.limits(now)
+        if is_new:
+            self._newcomers.note(robot, now)
         self.robots[settings.name] = robot
         if not declared:
             self._not_publishing[settings.name] = robot
@@ -175,7 +181,7 @@ class RobotRegistry:
         self._faults.remove(robot, now)
         self._unbind(robot)
         robot.components.remove_all()
-        self.series.remove(SERIES_OF_ROBOT)
+        robot.series.remove(SERIES_OF_ROBOT)
         self._not_publishing.pop(robot.settings.name, None)
         del self.robots[robot.settings.name]
 
@@ -191,11 +197,11 @@ class RobotRegistry:
         """Note that a robot publishes: no other replaces it any more."""
         self._not_publishing.pop(robot.settings.name, None)
 
-    def _limit(self) -> FleetRejectionReason | None:
-        """The limit that rejects one more robot, if there is one."""
+    def _limit(self, series: SeriesLimit) -> FleetRejectionReason | None:
+        """The limit that rejects one more robot with such series, if there is one."""
         if len(self.robots) >= self._fleet.limits.robots:
             return "robot_limit"
-        return "series_limit" if self.series.exceeded_by(SERIES_OF_ROBOT) else None
+        return "series_limit" if series.exceeded_by(SERIES_OF_ROBOT) else None
 
     def _replace_one(self, now: Instant, *, at_once: bool) -> bool:
         """Drop the robot that has had the longest time to publish and never did, if there is one.
@@ -218,6 +224,7 @@ class RobotRegistry:
 
         Those that were replaced before come last.
         """
+        self._newcomers.look(now)
         topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
         new = [
             each for each in topics if each not in self.bindings and each not in self.shared_topics

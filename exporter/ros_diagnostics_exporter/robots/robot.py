@@ -150,6 +150,7 @@ class RobotState:
         self.settings = settings
         self.declared = declared
         self.shared = False
+        self.series = series
         self.found_mono = self.seen_mono = now.mono
         self.limits = limits
         self.up = False
