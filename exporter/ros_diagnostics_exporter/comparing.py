@@ -124,7 +124,7 @@ class Comparing:
         known.missed = missed
         if missed:  # so that their silence becomes no fault of a robot meanwhile
             log.warning("%s: %s", place(domain), why)
-            self._state.domain_failed(domain, why, now)
+            self._state.domain_deaf(domain, missed, why, now)
         elif before:
             self._state.domain_joined(domain)
         return {}

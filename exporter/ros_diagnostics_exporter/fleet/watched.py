@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -71,6 +71,14 @@ class WatchedFleet(ABC):
         self._set_domain_up(domain_id, up=False)
         with self._lock:
             self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
+
+    def domain_deaf(self, domain_id: Domain, topics: Iterable[str], why: str, now: Instant) -> None:
+        """Note that this process receives nothing of some topics of a domain, though it should."""
+        with self._lock:
+            for name in topics:
+                for robot, _raw in self._registry.bindings.get(Topic(domain_id, name), ()):
+                    robot.network.domain_up = False
+            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {why}"))
 
     def received_since(self, domain_id: Domain, mono: float) -> list[bool]:
         """Of each robot of a domain that was received since then whether it is up."""

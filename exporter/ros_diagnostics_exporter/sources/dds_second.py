@@ -38,6 +38,7 @@ def main(arguments: Sequence[str]) -> None:
         sys.stdout.flush()
         takes = [each for each in takes if each[0] not in received]
         time.sleep(0.1)
+    node.destroy_node()
     context.try_shutdown()
 
 

@@ -131,8 +131,8 @@ class Listener:
 
     def received_since(self, domain: Domain, topics: Iterable[str], mono: float) -> set[str]:
         """Those of these topics of which any bytes were taken since then."""
-        known = self._domains[domain].topics
-        return {each for each in topics if each in known and known[each].content.received_at > mono}
+        known = self._domains[domain].topics.get  # which its thread changes meanwhile
+        return {each for each in topics if (of := known(each)) and of.content.received_at > mono}
 
     @property
     def joining(self) -> tuple[Domain, ...]:

@@ -141,6 +141,7 @@ def test_what_is_missed_once_is_a_silence_again(monkeypatch):
     playing.heard = {A}
     playing.until(LEAST + 22, "b")
     assert playing.driver.state.robots["a"].silent_reason == "domain_unreachable"
+    assert playing.driver.state.robots["b"].network.domain_up  # its faults go on
     playing.heard = set()
     playing.until(LEAST + 60, "b")
     assert playing.left == []
