@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
-OVERLAP = 3.0  # seconds that both are there, and after that until nothing is sent again
+OVERLAP = 3.0  # seconds that both are there
+HURRY = 0.5  # ... where memory is short
+LATE = 3.0  # ... after that until nothing is sent again to the one that is left
 
 
 class Taking(NamedTuple):
@@ -20,16 +22,16 @@ class Taking(NamedTuple):
 
 
 class Handover:
-    """Begins ``now``; ``identity`` of a message is the same in both."""
+    """The old one ends at ``end_at``; ``identity`` of a message is the same in both."""
 
     def __init__(
-        self, old: Taking, new: Taking, identity: Callable[[Any], Hashable], now: float
+        self, old: Taking, new: Taking, identity: Callable[[Any], Hashable], end_at: float
     ) -> None:
         self.new = new
         self._old: Taking | None = old
         self._identity = identity
         self._taken: set[Hashable] = set()  # of one, and not of the other yet
-        self._end_at = now + OVERLAP
+        self._end_at = end_at
 
     def take(self) -> Any:
         """The next message; None where there is none."""
@@ -49,19 +51,24 @@ class Handover:
             self._taken.remove(identity)
         return None
 
-    def replace(self, new: Taking, now: float) -> None:
+    def replace(self, new: Taking, end_at: float) -> None:
         """Hand over to another one; of the two that there are, the one that is known stays."""
         if self._old is None:
             self._old = self.new
         else:
             self.new.close()
-        self.new, self._end_at = new, now + OVERLAP
+        self.new, self._end_at = new, end_at
+
+    def end_old(self, now: float) -> bool:
+        """End the old one when that is due; whether it was."""
+        is_due = self._old is not None and now >= self._end_at
+        if is_due:
+            self._end_old()
+        return is_due
 
     def is_over(self, now: float) -> bool:
-        """End the old one when that is due; whether nothing of it can come any more."""
-        if now >= self._end_at:
-            self._end_old()
-        return now >= self._end_at + OVERLAP
+        """Whether nothing comes twice any more."""
+        return now >= self._end_at + LATE
 
     def close(self) -> None:
         """End both."""
@@ -81,17 +88,21 @@ class Handovers:
         self._identity = identity
         self._handovers: dict[str, Handover] = {}
 
-    def begin(self, topic: str, old: Taking, new: Taking, now: float) -> Taking:
-        """What takes of both, and ends both."""
+    def begin(self, topic: str, old: Taking, new: Taking, end_at: float) -> Taking:
+        """What takes of both, and ends both; the old one ends then."""
         handover = self._handovers.get(topic)
         if handover is None:
-            handover = self._handovers[topic] = Handover(old, new, self._identity, now)
+            handover = self._handovers[topic] = Handover(old, new, self._identity, end_at)
         else:
-            handover.replace(new, now)
+            handover.replace(new, end_at)
         return Taking(handover.take, handover.close)
 
-    def end(self, now: float) -> dict[str, Taking]:
-        """End the old ones that are due; the new ones of which nothing comes twice any more."""
+    def end_old(self, now: float) -> int:
+        """End the old ones that are due; how many those are."""
+        return sum(each.end_old(now) for each in self._handovers.values())
+
+    def take_over(self, now: float) -> dict[str, Taking]:
+        """The new ones of which nothing comes twice any more."""
         over = {topic: each.new for topic, each in self._handovers.items() if each.is_over(now)}
         for topic in over:
             del self._handovers[topic]

@@ -38,9 +38,18 @@ class Pools:
         size = largest * number
         self._held[topic] = _Held(size if known is None else max(known.size, size), now)
 
+    @property
+    def are_full(self) -> bool:
+        """Whether all together hold too much."""
+        return self._total > BUDGET
+
+    @property
+    def _total(self) -> int:
+        return sum(each.size for each in self._held.values())
+
     def take_due(self, now: float) -> list[str]:
         """The topics to be subscribed anew, which then hold nothing."""
-        total = sum(each.size for each in self._held.values())
+        total = self._total
         due: list[str] = []
         for topic, held in sorted(self._held.items(), key=lambda item: -item[1].size):
             pause = SHORT_PAUSE if total > BUDGET else PAUSE

@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Top
 from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
-from ros_diagnostics_exporter.sources.handover import Handovers, Taking
+from ros_diagnostics_exporter.sources.handover import HURRY, OVERLAP, Handovers, Taking
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
 from ros_diagnostics_exporter.sources.pools import Pools, trim
 from ros_diagnostics_exporter.texts import one_line
@@ -344,12 +344,14 @@ class Reception(ABC):
         if topic.offer != offer:
             self._subscribe(name, offer, topic.depth, topic.content)
 
-    def _subscribe(self, name: str, offer: object, depth: int, content: Content) -> None:
+    def _subscribe(
+        self, name: str, offer: object, depth: int, content: Content, overlap: float = OVERLAP
+    ) -> None:
         """Subscribe, or anew; what waits in ``content`` stays."""
         new, old = Taking(*self.open(name, offer, depth)), self.topics.get(name)
         if old is not None:
-            before = Taking(old.take, old.close)
-            new = self._handovers.begin(name, before, new, time.monotonic())
+            before, end_at = Taking(old.take, old.close), time.monotonic() + overlap
+            new = self._handovers.begin(name, before, new, end_at)
         self.topics[name] = Subscription(*new, offer, depth, content)
 
     def unsubscribe(self, name: str) -> None:
@@ -364,13 +366,14 @@ class Reception(ABC):
     def _give_back(self) -> None:
         """Replace subscriptions that hold much memory for messages that no longer come."""
         now = time.monotonic()
+        overlap = HURRY if self._pools.are_full else OVERLAP
         for name in self._pools.take_due(now):
             topic = self.topics[name]
-            self._subscribe(name, topic.offer, topic.depth, topic.content)
-        if over := self._handovers.end(now):
-            for name, new in over.items():
-                self.topics[name].take, self.topics[name].close = new
+            self._subscribe(name, topic.offer, topic.depth, topic.content, overlap)
+        if self._handovers.end_old(now):
             trim()
+        for name, new in self._handovers.take_over(now).items():
+            self.topics[name].take, self.topics[name].close = new
 
     # -- messages -------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.sources import handover, pools
+from ros_diagnostics_exporter.sources import pools, reception
 from support.ros_publisher import repeating
 from testbed.polling import until
 
@@ -19,7 +19,7 @@ PERIOD, BURST = 0.03, 50  # seconds between two messages, and messages between t
 
 @pytest.mark.parametrize("reliable", [True, False])
 def test_each_message_is_received_once(ros_domain, robots, run_exporter, monkeypatch, reliable):
-    monkeypatch.setattr(handover, "OVERLAP", 1.0)
+    monkeypatch.setattr(reception, "OVERLAP", 1.0)
     monkeypatch.setattr(pools, "LARGE", 1)
     monkeypatch.setattr(pools, "PAUSE", 0.9 * PERIOD * BURST)  # some messages come just after it
     robot = Robot("r", ros_domain, topic_raw=TOPIC, source=Source.RAW)

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from ros_diagnostics_exporter.model import Endpoint
-from ros_diagnostics_exporter.sources import handover
+from ros_diagnostics_exporter.sources import handover, pools
 from ros_diagnostics_exporter.sources.reception import Reception
 from testbed.polling import until
 
@@ -113,7 +113,7 @@ def test_what_comes_late_to_the_new_one_is_taken_once(domain, clock):
     domain.middleware.send(b"1")  # sent again to the one that is left
     domain.middleware.send(b"2")
     assert domain.take() == [b"2"]
-    clock.return_value += handover.OVERLAP
+    clock.return_value += handover.LATE
     domain.take()
     domain.middleware.send(b"1")  # another message with the same bytes
     assert domain.take() == [b"1"]
@@ -139,8 +139,20 @@ def test_one_that_is_unsubscribed_meanwhile_leaves_none_open(domain, clock):
     domain.want("/a", Endpoint(2), shared=False)
     domain.unsubscribe("/a")
     assert domain.middleware.open_ones == 0
-    clock.return_value += 2 * handover.OVERLAP
+    clock.return_value += handover.OVERLAP + handover.LATE
     assert domain.take() == []
+
+
+def test_where_memory_is_short_the_old_one_ends_soon(domain, clock, monkeypatch):
+    monkeypatch.setattr(pools, "BUDGET", 300_000)
+    domain.middleware.send(b"x" * 400_000)
+    domain.take()
+    clock.return_value += handover.OVERLAP  # the depth of its queue
+    domain.take()
+    assert domain.middleware.open_ones == 2  # its memory
+    clock.return_value += handover.HURRY
+    domain.take()
+    assert domain.middleware.open_ones == 1
 
 
 def test_a_shallower_queue_of_large_messages_loses_none():
