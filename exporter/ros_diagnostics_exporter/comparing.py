@@ -17,7 +17,6 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from tempfile import TemporaryFile
 
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Domain, Instant, place
@@ -41,12 +40,12 @@ class Second:
         self, domain: Domain, topics: Collection[str], ros_arguments: Sequence[str]
     ) -> None:
         self.began = time.monotonic()
-        self._output = TemporaryFile("w+")  # noqa: SIM115 - closed once it was read
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", PROGRAM, str(domain), str(LISTEN), *topics, *ros_arguments],
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
             stdin=subprocess.DEVNULL,
-            stdout=self._output,
+            stdout=subprocess.PIPE,  # which has room for all that it says
+            text=True,
         )
 
     @property
@@ -59,10 +58,7 @@ class Second:
         if self._process.poll():
             log.warning("a second participant failed (exit code %d)", self._process.returncode)
         self._process.kill()
-        self._process.wait()
-        with self._output:
-            self._output.seek(0)
-            return set(self._output.read().splitlines())
+        return set(self._process.communicate()[0].splitlines())
 
 
 @dataclass(slots=True)
@@ -108,8 +104,14 @@ class Comparing:
                 continue
             if topics := _choose(known, set(self._state.silent_topics(domain)), now):
                 known.last, self._domain = now.mono, domain
-                self._second = Second(domain, topics, self._listener.ros_arguments)
+                self._start(topics)
                 return
+
+    def _start(self, topics: Collection[str]) -> None:
+        try:
+            self._second = Second(self._domain, topics, self._listener.ros_arguments)
+        except OSError as error:  # domains are joined all the same
+            log.warning("%s: no second participant was started: %s", place(self._domain), error)
 
     def _judge(self, known: _Compared, second: Second, now: Instant) -> Mapping[Domain, str]:
         domain, before = self._domain, known.missed

@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.joining import LEAST, Joining
 from ros_diagnostics_exporter.model import Array, Status, Topic
 from ros_diagnostics_exporter.sources.listener import Listener
 from support.state_driver import StateDriver
+from testbed.polling import until
 
 OK = Status(0, "Motor", "OK")
 
@@ -147,6 +148,35 @@ def test_what_is_missed_once_is_a_silence_again(monkeypatch):
     assert playing.left == []
     assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
     assert [each.robot for each in playing.driver.events if each.kind == "fault_began"] == ["a"]
+
+
+def test_a_second_process_that_cannot_be_started_keeps_no_domain_from_being_joined(
+    monkeypatch, caplog
+):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+
+    def fail(*_arguments: object) -> None:
+        raise OSError("no memory")
+
+    monkeypatch.setattr(comparing, "Second", fail)
+    playing.outdated = [7]
+    playing.until(LEAST + 2, "b")
+    assert 7 in playing.left
+    assert caplog.messages.count("domain 7: no second participant was started: no memory") == 1
+
+
+@pytest.mark.parametrize(
+    ("program", "says"), [("nothing.that.is.there", "failed (exit code 1)"), ("timeit", "")]
+)
+def test_a_process_that_fails_or_hangs_is_ended_and_has_received_nothing(
+    monkeypatch, caplog, program, says
+):
+    monkeypatch.setattr(comparing, "PROGRAM", program)
+    monkeypatch.setattr(comparing, "ENDED", 1.0)
+    second = comparing.Second(7, ["while True: pass"], ())  # what timeit measures
+    until(lambda: not second.listens, "it is over")
+    assert second.stop() == set()
+    assert says in caplog.text
 
 
 @pytest.mark.parametrize("joined", [{}, {7: 1000.0}])
