@@ -350,8 +350,8 @@ class Reception(ABC):
         """Subscribe, or anew; what waits in ``content`` stays."""
         new, old = Taking(*self.open(name, offer, depth)), self.topics.get(name)
         if old is not None:
-            before, end_at = Taking(old.take, old.close), time.monotonic() + overlap
-            new = self._handovers.begin(name, before, new, end_at)
+            end_at = time.monotonic() + overlap
+            new = self._handovers.begin(name, Taking(old.take, old.close), new, end_at)
         self.topics[name] = Subscription(*new, offer, depth, content)
 
     def unsubscribe(self, name: str) -> None:
@@ -363,10 +363,15 @@ class Reception(ABC):
         for key in [key for key in self._logged if key[0] == name]:
             del self._logged[key]
 
+    @property
+    def _overlap(self) -> float:
+        """For how long a topic of large messages has two subscriptions, which both hold them."""
+        return HURRY if self._pools.are_full else OVERLAP
+
     def _give_back(self) -> None:
         """Replace subscriptions that hold much memory for messages that no longer come."""
         now = time.monotonic()
-        overlap = HURRY if self._pools.are_full else OVERLAP
+        overlap = self._overlap
         for name in self._pools.take_due(now):
             topic = self.topics[name]
             self._subscribe(name, topic.offer, topic.depth, topic.content, overlap)
@@ -413,7 +418,7 @@ class Reception(ABC):
         self._pools.note(name, largest, number, time.monotonic())
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
-            self._subscribe(name, topic.offer, depth, topic.content)
+            self._subscribe(name, topic.offer, depth, topic.content, self._overlap)
 
     def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
         if len(data) <= self.max_message:
