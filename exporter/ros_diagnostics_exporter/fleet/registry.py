@@ -230,21 +230,32 @@ class RobotRegistry:
             each for each in topics if each not in self.bindings and each not in self.shared_topics
         ]
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
-        for discovery in self._fleet.discoveries:
-            for topic in new:
-                if topic not in self.bindings:
-                    self._discover(discovery, topic, now)
+        self._add_found(new, now)
         self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
 
-    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> None:
+    def _add_found(self, topics: Iterable[Topic], now: Instant) -> None:
+        """Add the robots of these topics until as many are rejected as there may be.
+
+        Somebody may offer 100,000, and for each one more no robot is heard for as long.
+        """
+        left = self._fleet.limits.robots
+        for discovery in self._fleet.discoveries:
+            for topic in topics:
+                if topic not in self.bindings and not self._discover(discovery, topic, now):
+                    left -= 1
+                if not left:
+                    return
+
+    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> bool:
+        """Add a topic's robot where the config wants it; False where a limit rejects it."""
         name = robot_name(discovery, topic.name, topic.domain_id)
         if name is None:
-            return
+            return True
         if name in self.robots:
             self.rejections.reject_robot(topic, name, "duplicate_robot", now)
-        else:
-            found = found_robot(discovery, name, topic.name, topic.domain_id)
-            self.add(found, now, declared=False)
+            return True
+        found = found_robot(discovery, name, topic.name, topic.domain_id)
+        return self.add(found, now, declared=False) is not None
 
     def note_other_types(
         self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
