@@ -6,7 +6,7 @@ Here is what they show; `templates/` has how. Every text is escaped there, by Ji
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -38,7 +38,7 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
-from ros_diagnostics_exporter.web.runbooks import alert_of
+from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all
@@ -155,9 +155,18 @@ def rejected(why: str) -> str:
     return _render("rejected.html", title="Not done", why=why)
 
 
-def no_runbooks() -> str:
-    """The page for a runbook where nobody said where they are."""
-    return _render("no_runbooks.html", title="No runbooks")
+def runbook_page(alert: str, names: Mapping[str, str]) -> str | None:
+    """The runbook of an alert, with the names of what it is about; None if there is none.
+
+    All texts are escaped.
+    """
+    text = filled_in(alert, names)
+    return text and _render("runbook.html", title=alert, text=text, robot=names.get("robot", ""))
+
+
+def missing_runbook(alert: str) -> str:
+    """The page for an alert without a runbook."""
+    return _render("missing_runbook.html", title="No such runbook", name=alert)
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
@@ -387,8 +396,9 @@ def _bounds(value: dict[str, Any]) -> str:
     )
 
 
-def _runbook(problem: dict[str, Any]) -> str:
-    return alert_of(problem["scope"], problem["state"])
+def _runbook(problem: dict[str, Any], robot: str) -> str:
+    alert = alert_of(problem["scope"], problem["state"])
+    return alert and link_to(alert, {**problem, "robot": robot})
 
 
 def _visible(value: object) -> object:

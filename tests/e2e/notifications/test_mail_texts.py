@@ -173,8 +173,8 @@ def test_a_mail_about_a_fault(received: Sent, name: str):
         assert f"  {line}\n" in mail.text or not line
     assert texts.get("description", "") in mail.text
     assert re.search(r"^First step: .*\.$", mail.text, re.MULTILINE)
-    [runbook] = re.findall(r"^Runbook: .*/(.*)$", mail.text, re.MULTILINE)
-    assert (CHECKOUT / "docs" / "alerts" / runbook).exists()
+    [runbook] = re.findall(r"^Runbook: .*/(\w+)\.html", mail.text, re.MULTILINE)
+    assert (CHECKOUT / "docs" / "alerts" / f"{runbook}.md").exists()
     assert "Unacknowledged" not in runbook
     assert "http://alertmanager.example.org:9093/#/silences/new?" in mail.text
     assert "ashboard" not in mail.text + mail.html

@@ -186,7 +186,7 @@ def test_mail_has_fault_evidence_links_and_commands(render, part):
         "The robot cannot drive; values: none.",
         "What it means.",
         "hall",
-        "http://localhost:9090/user/alerts/RosDiagnosticsComponentCritical.md",
+        "http://localhost:9877/runbooks/RosDiagnosticsComponentCritical.html?robot=r1",
         "http://alertmanager:9093/#/silences/new?filter=%7Bcomponent%3D",
         "alertname%3D%22RosDiagnosticsComponentCritical%22%7D",
         "component%3D%22Motor%201%22",
@@ -404,7 +404,7 @@ def test_what_is_no_longer_lost_and_has_no_reserve_is_one_mail(render):
         assert lead in mail
         assert "evidence of no_reserve" in mail
         assert "evidence of lost" not in mail
-        assert "RosDiagnosticsCapabilityNoReserve.md" in mail
+        assert "RosDiagnosticsCapabilityNoReserve.html?robot=r1" in mail
         assert "-- 'r1' 'front view'" in html.unescape(mail)
         link = unquote(re.findall(r"silences/new\?filter=([^\s\"]*)", html.unescape(mail))[0])
         assert link.endswith('alertname=~"RosDiagnosticsCapability.+"}')
@@ -488,7 +488,7 @@ def test_a_mail_links_the_exporters_page_of_its_fault_as_the_sites_file_shows(re
             render(template, data("firing", own), templates),
             render(template, data("firing", labels)),
         ):
-            assert "9877" not in given
+            assert "9877/faults" not in given
 
 
 def test_all_mails_about_one_component_are_one_thread(render):
