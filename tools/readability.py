@@ -57,6 +57,7 @@ _EXAMPLE = re.compile(r"\b(for example|for instance|example|such as|imagine|supp
 _HIDDEN = re.compile(r"\A---\n.*?\n---\n|<!--.*?-->", re.DOTALL)
 _BLOCK = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
 _PICTURE = re.compile(r"!\[[^\]]*\]\([^)]*\)")
+_HEADING = re.compile(r"^#.*$", re.MULTILINE)
 _NO_PROSE = re.compile(r"^ *(\||#).*$", re.MULTILINE)
 _ITEM = re.compile(r"\n\s*\n|\n *(?=[-*] |\d+\. )")
 _BULLET = re.compile(r"^(> )?([-*]|\d+\.) ")
@@ -87,9 +88,10 @@ def sentences(prose: list[str]) -> list[str]:
     return [sentence for part in plain for sentence in _END.split(part) if _WORD.search(sentence)]
 
 
-def unexplained(prose: list[str], words: list[str]) -> list[str]:
+def unexplained(text: str, words: list[str]) -> list[str]:
     """The project's words that are neither linked nor explained where a page has them first."""
-    text = "\n".join(prose)
+    for hidden in (_HIDDEN, _BLOCK, _HEADING):
+        text = hidden.sub("", text)
     return [word for word in words if _is_unexplained(word, text)]
 
 
@@ -98,7 +100,7 @@ def _is_unexplained(word: str, text: str) -> bool:
     first = re.search(pattern, text, re.IGNORECASE)
     if first is None or first[1] is not None:
         return False
-    return not re.match(r"\W{0,3}\s*(is|are|means|:|\()", text[first.end() :])
+    return not re.match(r"\W{0,3}\s*(is|are|means|:|\(|\|)", text[first.end() :])
 
 
 def counts(text: str, words: list[str]) -> dict[str, int]:
@@ -121,7 +123,7 @@ def counts(text: str, words: list[str]) -> dict[str, int]:
                 ("examples", _EXAMPLE),
             )
         },
-        "unexplained words": len(unexplained(prose, words)),
+        "unexplained words": len(unexplained(text, words)),
         "blocks and pictures": len(_BLOCK.findall(text)) + len(_PICTURE.findall(text)),
     }
 

@@ -38,10 +38,9 @@ def test_the_counts_of_a_page():
 
 
 def test_a_word_is_explained_by_a_link_by_bold_or_by_what_follows():
-    prose = readability.paragraphs(PAGE)
-
-    assert readability.unexplained(prose, WORDS) == ["held"]
-    assert readability.unexplained(["A pair means two."], ["pair"]) == []
+    assert readability.unexplained(PAGE, WORDS) == ["held"]
+    assert readability.unexplained("# Pair\n\nA pair means two.", ["pair"]) == []
+    assert readability.unexplained("| [pair](a.md) |\n\nA pair.", ["pair"]) == []
 
 
 def test_every_word_of_the_glossary_is_a_project_word():
