@@ -204,7 +204,10 @@ class Service:
     def _make_recordings(self, database: Path, config_file: Path) -> FaultRecordings:
         folder = database.with_name(f"{database.stem}.recordings")
         settings = self.state.fleet.recordings
-        recordings = FaultRecordings(folder, config_file, self.state.topics_of, settings=settings)
+        state = self.state
+        recordings = FaultRecordings(
+            folder, config_file, state.topics_of, settings=settings, definition=state.definition
+        )
         self.state.recorder = recordings.rings.receive
         return recordings
 

@@ -106,8 +106,10 @@ WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.sources.dds",
     f"{EXPORTER}.sources.dds_endpoints",
+    f"{EXPORTER}.sources.dds_fields",
     f"{EXPORTER}.sources.dds_names",
     f"{EXPORTER}.sources.dds_second",
+    f"{EXPORTER}.sources.dds_types",
     f"{EXPORTER}.sources.dds_watch",
     "virtual_robots.ros.contexts",
     "virtual_robots.ros.transport",

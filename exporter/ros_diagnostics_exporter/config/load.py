@@ -311,6 +311,10 @@ class _Resolver:
             merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
         for key in ("components", "values"):  # the first match wins
             merged[key] = [*own.get(key, []), *parent.get(key, [])]
+        topics = own.get("topics", [])
+        replaced = {each.get("component") for each in topics}
+        inherited = parent.get("topics", [])
+        merged["topics"] = [*topics, *(e for e in inherited if e.get("component") not in replaced)]
         return merged
 
     def _added(

@@ -46,6 +46,8 @@ class WatchedFleet(ABC):
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
         self._watch = GraphWatch()
+        if fleet.sources:
+            self._watch.folder = fleet.sources[0].parent / "msg"
         self._watching = threading.Lock()  # of the watch
         self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
         self._faults = FaultReports(fleet, now, self._events)
@@ -173,6 +175,48 @@ class WatchedFleet(ABC):
         """Take a message of such a topic."""
         with self._watching:
             self._watch.see_message(domain_id, topic, message, now)
+
+    def offered(
+        self, domain_id: Domain, topic: str, kind: str, type_hash: str, now: Instant
+    ) -> bool:
+        """Whether such a topic is read whose publishers offer this definition of its type."""
+        with self._watching:
+            return self._watch.offered(domain_id, topic, kind, type_hash, now)
+
+    def refuse_watched(self, domain_id: Domain, topic: str, why: str, now: Instant) -> None:
+        """Note why such a topic cannot be read."""
+        with self._watching:
+            self._watch.refuse(domain_id, topic, why, now)
+
+    def receive_fields(
+        self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> float:
+        """Take a message of a topic whose fields are components of a robot.
+
+        Returns until when, monotonic, no other message of it is read.
+        """
+        self.record_watched(domain_id, topic, kind, data, now)
+        with self._watching:
+            found = self._watch.see_fields(domain_id, topic, kind, data, now)
+            due = self._watch.due(domain_id, topic)
+        with self._lock:
+            for name, statuses in found.items():
+                robot = self._registry.robots.get(name)
+                if robot is not None:
+                    if not robot.up:
+                        self._registry.mark_publishing(robot)
+                    robot.receive_fields(truncate_array(Array(0.0, tuple(statuses))).statuses, now)
+                    self._follow(robot, now)
+        return due
+
+    def definition(self, kind: str) -> str:
+        """The definition of a type of messages that was received, with all that it uses.
+
+        Raises:
+            UnknownTypeError: nothing is known of it any more.
+        """
+        with self._watching:
+            return self._watch.types.find(kind).text
 
     def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""

@@ -41,8 +41,10 @@ from ros_diagnostics_exporter.robots.rejections import (
 )
 from ros_diagnostics_exporter.robots.tree import AggregatedUpdates
 from ros_diagnostics_exporter.robots.updates import (
+    FieldUpdates,
     MeasuredUpdates,
     RawUpdates,
+    is_of_fields,
     query_of,
 )
 from ros_diagnostics_exporter.sources.link import LinkReading
@@ -183,6 +185,7 @@ class RobotState:
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
         self.measured = MeasuredUpdates(self.components)
+        self._fields = FieldUpdates(self.components)
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
@@ -232,6 +235,8 @@ class RobotState:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
         self._is_switched = False
         for component in [each for each in self.components if each.raw_received is not None]:
+            if is_of_fields(component.identity):
+                continue
             if self._aggregated.lists(component):
                 component.raw_received, component.gaps = None, ()
             elif query_of(component.identity) is None:
@@ -277,9 +282,15 @@ class RobotState:
         if statuses and self._has_no_ros:
             self._note_received(now)
 
+    def receive_fields(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update components from the fields of a topic that fleet.yml asks for."""
+        self._note_received(now)
+        self._fields.apply(statuses, now)
+
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
-        """Forget the components of feeds that the config no longer has."""
-        for component in self.measured.follow(feeds):
+        """Forget the components of feeds, and of topics, that the config no longer has."""
+        names = {each.component for each in self.settings.profile.topics}
+        for component in (*self.measured.follow(feeds), *self._fields.lost(names)):
             self.forget(component, now)
 
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:

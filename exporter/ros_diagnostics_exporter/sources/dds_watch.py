@@ -20,6 +20,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import BatteryState
 
 from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
 from ros_diagnostics_exporter.sources.graph_messages import (
     BATTERY_TYPE,
     LOG_TYPE,
@@ -73,10 +74,13 @@ class Watcher:
         self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
         self._bytes: dict[str, int] = {}
         self._counted_at: float | None = None
+        self._fields = FieldTopics(domain, receiver, self._bytes)
 
     def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
         """Follow what is wanted, and take what has arrived; in small pieces."""
-        wanted = self._receiver.watched_topics(self._domain, types, now)
+        all_wanted = self._receiver.watched_topics(self._domain, types, now)
+        wanted = {name: kind for name, kind in all_wanted.items() if kind in KINDS}
+        others = {name: kind for name, kind in all_wanted.items() if kind not in KINDS}
         for name in self._topics.keys() - wanted.keys():
             node.destroy_subscription(self._topics.pop(name)[1])
         for name in wanted.keys() - self._topics.keys():
@@ -85,6 +89,7 @@ class Watcher:
         for name, (kind, subscription) in self._topics.items():
             self._take(name, kind, subscription, now)
             yield
+        yield from self._fields.look(node, others, now)
         self._count(now)
 
     def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:

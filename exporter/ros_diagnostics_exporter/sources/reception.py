@@ -88,6 +88,17 @@ class Receiver(Protocol):
     def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
         """Take a message of such a topic."""
 
+    def offered(self, domain: Domain, topic: str, kind: str, type_hash: str, now: Instant) -> bool:
+        """Whether such a topic is read whose publishers offer this definition of its type."""
+
+    def refuse_watched(self, domain: Domain, topic: str, why: str, now: Instant) -> None:
+        """Note why such a topic cannot be read."""
+
+    def receive_fields(
+        self, domain: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> float:
+        """Take a message of a topic whose fields are asked for; until when (monotonic) no other."""
+
     def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
+from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_messages import (
     Battery,
     Message,
@@ -173,6 +173,11 @@ class RobotGraph:
         self._healthy.pop(component, None)
         self._held.discard(component)
 
+    @property
+    def is_there(self) -> bool:
+        """Whether any of its nodes is."""
+        return bool(self._nodes.there)
+
     # -- seen --------------------------------------------------------------------------------
 
     def see_nodes(self, names: Iterable[str], now: Instant) -> None:
@@ -203,6 +208,17 @@ class RobotGraph:
                 self.report_at = now.mono
             if not isinstance(message, Battery | Parameters):
                 self.write_at = min(self.write_at, now.mono + SOON)
+
+    def note_unread(self, about: tuple[Domain, str], why: str, now: Instant) -> None:
+        """Note why a topic, or what an entry asks for, is not read; "": it is again."""
+        unread = self.messages.given_up
+        if unread.get(about, "") == why:
+            return
+        if why:
+            unread[about] = why
+        else:
+            del unread[about]
+        self.report_at = now.mono
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
