@@ -58,7 +58,8 @@ def _section(title: str, items: Iterable[str]) -> list[str]:
 
 def _robot(robot: Robot) -> str:
     topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
-    received = f"{place(robot.domain_id)}, {topics}, " if topics else ""  # none: source queries
+    where = topics or robot.namespace or "/"
+    received = f"{place(robot.domain_id)}, {where}, " if robot.in_ros else ""
     return _joined(
         f"{robot.name}: {received}source {robot.source.value}",
         *_settings(robot),

@@ -338,7 +338,7 @@ class Fleet(Entry, title="FleetFile"):
     @cached_property  # asked for at each scrape and look
     def domain_ids(self) -> tuple[Domain, ...]:
         """Every domain to join: those of DDS, ascending, then zenoh."""
-        found = {each.domain_id for each in self.robots if each.source is not Source.QUERIES}
+        found = {each.domain_id for each in self.robots if each.in_ros}
         found.update(each.domain_id for each in self.shared)
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
         return (*sorted(each for each in found if isinstance(each, int)), *(found & {ZENOH}))

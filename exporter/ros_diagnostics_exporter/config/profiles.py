@@ -417,6 +417,9 @@ class Profile(Entry):
             if counted[each.component] > 1:
                 what = f"another entry makes the component {quoted(each.component)}, too"
                 raise WrongValueError(what, "name each component once", ("topics", at, "component"))
+        if self.topics and self.graph.mode == "off":
+            what = "is off, and topics are found in the ROS graph, so none would be read"
+            raise WrongValueError(what, "write mode: shadow", ("graph", "mode"))
         return self
 
     @cached_property

@@ -131,18 +131,34 @@ class WatchedFleet(ABC):
         """
         with self._lock:
             robots = [
-                robot.settings
+                robot
                 for robot in self._registry.robots.values()
-                if robot.settings.domain_id == domain_id and not robot.shared
+                if robot.settings.domain_id == domain_id
+                and robot.settings.in_ros
+                and not robot.shared
             ]
+            shown = [robot for robot in robots if robot.is_shown_by_nodes]
         with self._watching:
-            self._watch.follow(domain_id, robots, now)
+            self._watch.follow(domain_id, (each.settings for each in robots), now)
             self._watch.see_nodes(domain_id, nodes, now)
             reports = list(self._watch.reports(domain_id, now))
             watches = self._watch.watches(domain_id)
+            present = self._watch.present(domain_id) if shown else ()
+        for robot in shown:
+            if robot.settings.name in present:
+                self._note_seen(robot, now)
         for report in reports:
             self._receive_report(report, now)
         return watches
+
+    def _note_seen(self, robot: RobotState, now: Instant) -> None:
+        """Note that a node of a robot is there, where that shows that it is up."""
+        with self._lock:
+            if self._registry.robots.get(robot.settings.name) is robot:
+                if not robot.up:
+                    self._registry.mark_publishing(robot)
+                robot.note_seen(now)
+                self._follow(robot, now)
 
     def update_endpoints(
         self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant

@@ -109,6 +109,7 @@ class FaultRecordings:
         config_file: Path,
         topics: Callable[[str], tuple[Topic, ...]],
         limits: Kept | None = None,
+        *,
         settings: RecordingSettings | None = None,
         definition: Callable[[str], str] = SCHEMAS.__getitem__,
     ) -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -31,6 +29,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
     lasting,
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
+from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.reading import AutoSource
 from ros_diagnostics_exporter.robots.rejections import (
@@ -57,63 +56,6 @@ ROWS_OF_COMPONENT = 4
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 FLEETING = 60.0  # seconds for which a newcomer has to be received until its silence is a fault
 FLEETING_KEPT = 600.0  # ... and for which one is kept that was received for less
-_NO_PUBLISHER = Endpoint(0)
-
-
-@marking(
-    domain_up=Mark.RECEIPT,
-    uplink_up=Mark.RECEIPT,
-    link=Mark.RECEIPT,
-    expected_nodes=Mark.RECEIPT,
-    watched=Mark.RECEIPT,
-)
-@dataclass(slots=True, eq=False, repr=False)
-class Network:
-    """The endpoints of one robot's topics as the ROS graph last showed them."""
-
-    marks: Marks[Any]
-    domain_up: bool = True
-    uplink_up: bool = True
-    link: LinkReading | None = None  # how messages arrive, where that is known
-    expected_nodes: int | None = None  # None: nothing of the graph is known
-    lossy: bool = False  # so many are lost that what is not received says nothing
-    logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
-    watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
-    _endpoints: dict[str, Endpoint] = field(default_factory=dict, init=False)
-
-    def update(self, topic: str, endpoint: Endpoint | None) -> bool:
-        """Set a topic's endpoint; True if more than its reliability changed."""
-        endpoint = (endpoint or _NO_PUBLISHER)._replace(reliable=True)
-        if self._endpoints.get(topic, _NO_PUBLISHER) == endpoint:
-            return False
-        self._endpoints[topic] = endpoint
-        self.marks.note(Mark.RECEIPT)
-        return True
-
-    @property
-    def publishers(self) -> int:
-        """Matched publishers on all of the robot's topics."""
-        return sum(endpoint.publishers for endpoint in self._endpoints.values())
-
-    @property
-    def is_reached(self) -> bool:
-        """Whether nothing that the robot is behind is known to fail."""
-        return self.domain_up and self.uplink_up
-
-    @property
-    def obstacle(self) -> SilentReason | None:
-        """The reason, if the graph shows why nothing can be received."""
-        if not self.domain_up:
-            return "domain_unreachable"
-        if not self.uplink_up:
-            return "uplink_down"
-        if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
-            return "wrong_type"
-        if any(endpoint.refused for endpoint in self._endpoints.values()):
-            return "incompatible_qos"
-        if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
-            return "unreachable"
-        return None
 
 
 @marking(
@@ -286,6 +228,22 @@ class RobotState:
         """Update components from the fields of a topic that fleet.yml asks for."""
         self._note_received(now)
         self._fields.apply(statuses, now)
+
+    @property
+    def is_shown_by_nodes(self) -> bool:
+        """Whether it is up, too, while any of its nodes is in the ROS graph.
+
+        That is so of a robot of which no diagnostics came yet, where fleet.yml asks for more.
+        """
+        source, profile = self.settings.source, self.settings.profile
+        asks = source is config.Source.NONE or profile.topics or profile.graph.watch.asks
+        if not asks or self.messages or source is config.Source.QUERIES:
+            return False
+        return all(query_of(i) or is_of_fields(i) for i in self.components.by_identity)
+
+    def note_seen(self, now: Instant) -> None:
+        """Note that a node of it is in the ROS graph."""
+        self._note_received(now)
 
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds, and of topics, that the config no longer has."""

@@ -6,7 +6,6 @@ Imported by `dds` alone, once it knows that there is ROS.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -15,18 +14,15 @@ from rcl_interfaces.msg import Log as RosLog
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import BatteryState
 
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
 from ros_diagnostics_exporter.sources.graph_messages import (
-    BATTERY_TYPE,
     LOG_TYPE,
     PARAMETERS_TYPE,
     TRANSITION_TYPE,
-    Battery,
     Log,
     Message,
     Parameters,
@@ -38,7 +34,6 @@ KINDS = {
     LOG_TYPE: RosLog,
     PARAMETERS_TYPE: ParameterEvent,
     TRANSITION_TYPE: TransitionEvent,
-    BATTERY_TYPE: BatteryState,
 }
 
 log = logging.getLogger(__name__)
@@ -47,23 +42,6 @@ DEPTH = 200  # messages of one topic that the middleware holds between two looks
 LEVEL_AT, ERROR = 12, 40  # of a Log in CDR: behind 4 bytes of header and the stamp; the least
 COUNTED = 60.0  # seconds over which bytes are counted
 MAX_VALUE = 80  # characters of a parameter
-# Of a battery: key, factor, unit. A number that its driver does not know is NaN.
-QUANTITIES = (
-    ("percentage", 100.0, "%"),
-    ("voltage", 1.0, "V"),
-    ("current", 1.0, "A"),
-    ("charge", 1.0, "Ah"),
-    ("capacity", 1.0, "Ah"),
-    ("temperature", 1.0, "°C"),
-)
-WORDS = {  # of the constants of BatteryState, by what stands before them
-    prefix: {
-        getattr(BatteryState, name): name.removeprefix(prefix).replace("_", " ").lower()
-        for name in dir(BatteryState)
-        if name.startswith(prefix)
-    }
-    for prefix in ("POWER_SUPPLY_STATUS_", "POWER_SUPPLY_HEALTH_")
-}
 
 
 class Watcher:
@@ -93,7 +71,6 @@ class Watcher:
         self._count(now)
 
     def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:
-        latest = None
         for _ in range(DEPTH):
             taken = subscription.handle.take_message(KINDS[kind], True)
             if taken is None:
@@ -101,12 +78,8 @@ class Watcher:
             data = taken[0]
             self._bytes[name] = self._bytes.get(name, 0) + len(data)
             self._receiver.record_watched(self._domain, name, kind, data, now)
-            if kind == BATTERY_TYPE:
-                latest = data
-            elif kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
+            if kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
-        if latest is not None:
-            self._receive(name, kind, latest, now)
 
     def _receive(self, name: str, kind: str, data: bytes, now: Instant) -> None:
         try:
@@ -131,8 +104,6 @@ class Watcher:
 def _subscribe(node: Any, name: str, kind: Any) -> Any:
     events = SubscriptionEventCallbacks(use_default_callbacks=False)
     profile = QoSProfile(depth=DEPTH)
-    if kind is BatteryState:  # whose next message has all that a lost one had
-        profile.reliability = ReliabilityPolicy.BEST_EFFORT
     return node.create_subscription(
         kind, name, _never_called, profile, raw=True, event_callbacks=events
     )
@@ -144,27 +115,12 @@ def _read(message: Any) -> Message:
         return Log(message.name, message.msg)
     if isinstance(message, TransitionEvent):
         return Transition(message.start_state.label, message.goal_state.label)
-    if isinstance(message, BatteryState):
-        return _read_battery(message)
     changed = [
         (each.name, str(parameter_value_to_python(each.value))[:MAX_VALUE])
         for each in message.changed_parameters
     ]
     deleted = [(each.name, None) for each in message.deleted_parameters]
     return Parameters(message.node, (*changed, *deleted))
-
-
-def _read_battery(message: BatteryState) -> Battery:
-    state = WORDS["POWER_SUPPLY_STATUS_"].get(message.power_supply_status, "unknown")
-    health = WORDS["POWER_SUPPLY_HEALTH_"].get(message.power_supply_health, "unknown")
-    values = [
-        (key, f"{number:.6g} {unit}")
-        for key, factor, unit in QUANTITIES
-        if math.isfinite(number := factor * getattr(message, key))
-    ]
-    words = (("power_supply_status", state), ("power_supply_health", health))
-    present = ("present", str(message.present).lower())
-    return Battery(state, health, (*values, *words, present))
 
 
 def _never_called(_data: object) -> None:

@@ -137,7 +137,7 @@ class GraphWatch:
             if why := entries.refusal(name, kind):
                 del wanted[name]
                 self._note(domain, entries.notes(name, why), now)
-        self._note(domain, entries.unseen(types, self._are_there(domain), now), now)
+        self._note(domain, entries.unseen(types, self.present(domain), now), now)
         return wanted
 
     def _asking(self, domain: Domain, name: str, kind: str) -> Iterator[str]:
@@ -160,7 +160,7 @@ class GraphWatch:
         """Read the definitions of types again: somebody may have put others beside fleet.yml."""
         self._types = None
 
-    def _are_there(self, domain: Domain) -> set[str]:
+    def present(self, domain: Domain) -> set[str]:
         """The robots of which a node is there."""
         return {name for name in self._owners[domain].by_name if self._robots[name].is_there}
 

@@ -18,7 +18,6 @@ from pydantic import Field
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_messages import (
-    Battery,
     Message,
     Messages,
     MessagesLearned,
@@ -204,9 +203,9 @@ class RobotGraph:
     def see_message(self, node: str, message: Message, now: Instant) -> None:
         """Take a message of one of its nodes, by its full name."""
         if own := self._own(node):
-            if self.messages.note(own, message, self.settings.watch, now):
-                self.report_at = now.mono
-            if not isinstance(message, Battery | Parameters):
+            self.messages.note(own, message, self.settings.watch, now)
+            self.report_at = now.mono
+            if not isinstance(message, Parameters):
                 self.write_at = min(self.write_at, now.mono + SOON)
 
     def note_unread(self, about: tuple[Domain, str], why: str, now: Instant) -> None:
@@ -256,8 +255,7 @@ class RobotGraph:
             del self._healthy[name]
         parts = (self._nodes, self._topics, self.messages)
         happened = tuple(each for part in parts for each in part.take_events())
-        batteries, mute = self.messages.batteries(self.settings.watch, now)
-        statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
+        statuses, held = tuple(self._statuses()), frozenset(self._held)
         expected, logs = self._nodes.expected, self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
         lossy = self.lossy and not feed.shadow  # of a shadow's link nobody is notified

@@ -59,7 +59,7 @@ def _judge(entry: TopicEntry, key: str, values: Sequence[FieldValue]) -> tuple[i
     """The worst level of the values, and which it is."""
     judged = [(_level(entry, each), each) for each in values]
     if not judged:
-        return int(Level.OK), f"{key} is empty"
+        return int(Level.OK), f"no {key}"
     level, worst = max(judged, key=lambda each: SEVERITY.index(each[0]))
     return int(level), f"{_key(key, worst.label)} is {worst.text or 'NaN'}"
 
@@ -100,11 +100,14 @@ def _steps(path: str) -> tuple[tuple[str, str], ...]:
 def _follow(
     message: Any, steps: Sequence[tuple[str, str]], label: str
 ) -> Iterator[tuple[str, Any, str, Any]]:
-    """(label, the message that has it, name, value) of each field at the end of a path."""
+    """(label, the message that has it, name, value) of each field at the end of a path.
+
+    The value is None where an array is too short.
+    """
     (name, index), *rest = steps
     for more, value in _elements(message, name, index):
         both = f"{label} {more}".strip()
-        if rest:
+        if rest and value is not None:
             yield from _follow(value, rest, both)
         else:
             yield both, message, name, value
@@ -118,7 +121,7 @@ def _elements(message: Any, name: str, index: str) -> Iterator[tuple[str, Any]]:
     elif not _is_array(value):
         raise NoFieldError(f"{name} is no array: remove [{index}]")
     elif index.isdecimal():
-        yield "", value[int(index)] if int(index) < len(value) else math.nan
+        yield "", value[int(index)] if int(index) < len(value) else None
     else:
         labels = _labels(message, value, index)
         yield from list(zip(labels, value, strict=False))[:MOST]
@@ -167,8 +170,8 @@ def _value(label: str, owner: Any, name: str, value: Any, constants: Constants) 
     if isinstance(value, bool):
         text = str(value).lower()
         return FieldValue(label, text, frozenset({text, str(int(value))}))
-    if isinstance(value, float):
-        text = f"{value:.7g}" if math.isfinite(value) else ""
+    if value is None or isinstance(value, float):
+        text = "" if value is None or not math.isfinite(value) else f"{value:.7g}"
         return FieldValue(label, text, frozenset({text or "nan"}))
     text = str(value)
     names = _named(name, text, constants.get(_type(owner), {}))
@@ -177,21 +180,28 @@ def _value(label: str, owner: Any, name: str, value: Any, constants: Constants) 
 
 
 def _named(field: str, text: str, constants: Mapping[str, str]) -> tuple[str, ...]:
-    """The names of the constant that a field has: in full, and without the field's name.
+    """The names of the constant that a field has: in full, and without what they begin with.
 
-    A message may have constants of several fields (BatteryState has three 1s): those that begin
-    with the field's name are meant, or all where no two are the same.
+    A message may have constants of several fields (BatteryState has three 1s). Those are meant that
+    begin with the field's name, with its first words (HEALTH_OK of health_status) or its last
+    (MODE_AUTO of operational_mode), or all where no two are the same.
     """
-    own = _constants_of(field, tuple(constants.items()))
+    prefix, own = _constants_of(field, tuple(constants.items()))
     found = next((name for name, number in own.items() if number == text), None)
     if found is None:
         return ()
-    short = found.removeprefix(f"{field.upper()}_")
+    short = found.removeprefix(prefix)
     return (found,) if short == found else (found, short)
 
 
 @lru_cache(maxsize=1000)
-def _constants_of(field: str, constants: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
-    named = {name: text for name, text in constants if name.startswith(f"{field.upper()}_")}
+def _constants_of(
+    field: str, constants: tuple[tuple[str, str], ...]
+) -> tuple[str, Mapping[str, str]]:
+    words = field.upper().split("_")
+    beginnings = ["_".join(words[:count]) for count in range(len(words), 0, -1)]
+    for prefix in (f"{each}_" for each in (*beginnings, words[-1])):
+        if named := {name: text for name, text in constants if name.startswith(prefix)}:
+            return prefix, named
     is_clear = len({text for _name, text in constants}) == len(constants)
-    return named or (dict(constants) if is_clear else {})
+    return "", dict(constants) if is_clear else {}

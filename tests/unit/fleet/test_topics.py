@@ -10,7 +10,8 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.sources.graph_messages import Log
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver
 
 BATTERY, BOOL = "sensor_msgs/msg/BatteryState", "std_msgs/msg/Bool"
@@ -208,3 +209,95 @@ def test_what_was_known_of_fields_outlives_a_restart(driver, tmp_path):
     }
     later.go_on(5, battery_state=BatteryState(percentage=0.1), e_stop=Bool(data=False))
     assert later.faults() == [("Battery", "critical")]
+
+
+# -- robots without diagnostics ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("source", ["none", "auto"])
+def test_a_robot_without_diagnostics_is_up_while_a_node_of_it_is_there(tmp_path, source):
+    driver = Driver(fleet=fleet_of(tmp_path, f"source: {source}"))
+    driver.nodes = ()
+    driver.go_on(5)
+    assert (driver.sample("robot_up"), driver.robot.silent_reason) == (0, "never_seen")
+    driver.nodes = ("driver",)
+    driver.go_on(5)
+    assert driver.sample("robot_up") == 1
+    driver.nodes = ()
+    driver.go_on(25)
+    assert driver.sample("robot_up") == 0
+    assert driver.faults() == [("", "silent")]
+
+
+def test_the_nodes_of_a_robot_with_diagnostics_say_nothing_of_them(driver):
+    motor = Status(OK, "Motor", "OK")
+    driver.go_on(5, motor)
+    driver.go_on(30)
+
+    assert driver.sample("robot_up") == 0
+    assert driver.faults() == [("", "silent")]
+
+
+def test_diagnostics_that_stop_while_fields_go_on_are_stale_and_the_robot_is_up(driver):
+    motor, e_stop = Status(OK, "Motor", "OK"), Bool()
+    driver.go_on(15, motor, battery_state=BatteryState(percentage=0.5), e_stop=e_stop)
+    driver.go_on(30, battery_state=BatteryState(percentage=0.5), e_stop=e_stop)
+
+    assert (driver.sample("robot_up"), driver.level("Motor")) == (1, STALE)
+    assert driver.faults() == [("Motor", "stale")]
+
+
+def test_the_battery_and_the_log_of_a_robot_without_diagnostics_are_faults(tmp_path):
+    """At 10 % of which 15 are critical; before, only its silence was one, with the log as why."""
+    watch = 'graph: {mode: "on", watch: {logs: true, log_faults: "*avoided*"}}'
+    text = FLEET.replace('graph: {mode: "on"}', watch)
+    driver = Driver(fleet=fleet_of(tmp_path, "source: auto", text))
+    driver.types = {**TYPES, "/rosout": ["rcl_interfaces/msg/Log"]}
+    for _ in range(50):
+        driver.state.receive_watched(0, "/rosout", Log("r.driver", "collision avoided"), driver.now)
+        driver.go_on(1, battery_state=BatteryState(percentage=0.1))
+
+    assert driver.faults() == [("Battery", "critical"), ("log driver", "critical")]
+    assert "nothing was ever received" not in f"{[each.evidence for each in driver.state.faults()]}"
+
+
+def test_what_is_logged_never_stands_beside_that_nothing_was_ever_received(tmp_path):
+    watch = 'graph: {mode: "on", watch: {logs: true}}'
+    text = FLEET.replace('graph: {mode: "on"}', watch) + "faults: {pending_after: 10s}\n"
+    driver = Driver(fleet=fleet_of(tmp_path, "source: raw", text))
+    driver.nodes = ()
+    for _ in range(100):
+        driver.state.receive_watched(0, "/rosout", Log("r.driver", "collision avoided"), driver.now)
+        driver.go_on(1)
+
+    (pending,) = driver.state.faults()
+    assert pending.evidence == "nothing was ever received"
+
+
+def test_a_robot_of_queries_may_have_topics_and_is_never_silent(tmp_path):
+    driver = Driver(fleet=fleet_of(tmp_path, "source: queries, domain_id: 0"))
+    assert driver.state.fleet.domain_ids == (0,)
+    driver.go_on(15, e_stop=Bool(data=True))
+    assert driver.faults() == [("E-stop", "critical")]
+    driver.at(driver.now.mono + 60)
+    assert driver.sample("robot_up") == 1
+
+
+def test_robots_of_queries_without_a_domain_leave_the_root_namespace_to_others(tmp_path):
+    text = FLEET.replace("namespace: /r, ROBOT", "source: none").replace(
+        "robots: [", "robots: [{name: ap, source: queries}, "
+    )
+    driver = Driver(fleet=fleet_of(tmp_path, text=text))
+    driver.types = {"/e_stop": [BOOL]}
+    driver.state.update_nodes(0, [("driver", "/")], driver.now)
+    assert driver.state.watched_topics(0, driver.types, driver.now) == {"/e_stop": BOOL}
+
+
+def test_a_robot_that_two_components_are_made_for_of_fields_and_of_diagnostics_is_one(driver):
+    driver.go_on(15, Status(OK, "Battery", "OK"), battery_state=BatteryState(percentage=0.5))
+
+    assert {(each.group, each.name) for each in driver.robot.components} == {
+        ("", "Battery"),
+        ("Topics", "Battery"),
+    }
+    assert driver.robot.messages == 15
