@@ -55,7 +55,7 @@ class Source(str, Enum):
     QUERIES = "queries"  # none, and it is never silent: a server, for example
 
 
-AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Source)]
+AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "none"], Source)]
 SourceOfOne = Annotated[
     Source, Written(Literal["agg", "raw", "both", "auto", "none", "queries"], Source)
 ]
@@ -204,7 +204,12 @@ class Discovery(Entry):
         "Only robots with these names; `*` stands for anything.", example=["amr_*"], default=()
     )
     exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
-    source: AnySource = described(_SOURCE, example="agg", default=Source.AUTO)
+    source: AnySource = described(
+        f"{_SOURCE} `none`: the robots have no diagnostics. `topic` is any small topic of theirs, "
+        "whatever its type, and their namespace is what it has up to `{robot}`.",
+        example="agg",
+        default=Source.AUTO,
+    )
     profile: ProfileName = _profile("The robot's profile.", example="turtlebot4")
     address: NameTemplate | None = described(
         "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
@@ -219,6 +224,9 @@ class Discovery(Entry):
         if bool(self.template) == bool(self.type):
             what = "has topic and type" if self.type else "has neither topic nor type"
             raise WrongValueError(what, 'give one, such as topic: "/{robot}/diagnostics_agg"')
+        if self.type and self.source is Source.NONE:
+            what = "has source none, so no diagnostics, and type, which finds them"
+            raise WrongValueError(what, 'write topic: "/{robot}/battery_state" in place of type')
         if self.zenoh is not None:
             _not_both("domain_ids", given)
             self = replace(self, domain_ids=(ZENOH,))  # noqa: PLW0642 - the rest is as for DDS

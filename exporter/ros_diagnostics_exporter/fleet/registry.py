@@ -12,7 +12,12 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
+from ros_diagnostics_exporter.fleet.discovery import (
+    SharedTopic,
+    found_robot,
+    namespace_of,
+    robot_name,
+)
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.newcomers import NewcomerRate
 from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
@@ -120,7 +125,7 @@ class RobotRegistry:
         old = robot.settings
         if robot.declared and not (robot.up or robot.network.publishers):
             return None
-        for topic in (old.topic_agg, old.topic_raw):
+        for topic in (old.topic_agg, old.topic_raw, old.topic):
             if topic is not None:
                 at = Topic(old.domain_id, topic)
                 settings = self._settings_by_topic(name, at, shared=robot.shared)
@@ -230,17 +235,19 @@ class RobotRegistry:
             each for each in topics if each not in self.bindings and each not in self.shared_topics
         ]
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
-        self._add_found(new, now)
+        any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
+        self._add_found(new, any_type, now)
         self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
 
-    def _add_found(self, topics: Iterable[Topic], now: Instant) -> None:
+    def _add_found(self, arrays: Iterable[Topic], any_type: Iterable[Topic], now: Instant) -> None:
         """Add the robots of these topics until as many are rejected as there may be.
 
-        Somebody may offer 100,000, and for each one more no robot is heard for as long.
+        Somebody may offer 100,000, and for each one more no robot is heard for as long. ``arrays``
+        are topics of diagnostics, ``any_type`` all, by which robots without diagnostics are found.
         """
         left = self._fleet.limits.robots
         for discovery in self._fleet.discoveries:
-            for topic in topics:
+            for topic in any_type if discovery.source is config.Source.NONE else arrays:
                 if topic not in self.bindings and not self._discover(discovery, topic, now):
                     left -= 1
                 if not left:
@@ -251,7 +258,10 @@ class RobotRegistry:
         name = robot_name(discovery, topic.name, topic.domain_id)
         if name is None:
             return True
-        if name in self.robots:
+        known = self.robots.get(name)
+        if known is not None and _is_at(known.settings, discovery, topic):
+            return True
+        if known is not None:
             self.rejections.reject_robot(topic, name, "duplicate_robot", now)
             return True
         found = found_robot(discovery, name, topic.name, topic.domain_id)
@@ -271,7 +281,7 @@ class RobotRegistry:
         for topic, types in found:
             for discovery in self._fleet.discoveries:
                 name = robot_name(discovery, topic, domain_id)
-                if name is not None:
+                if name is not None and discovery.source is not config.Source.NONE:
                     why = f"the topic has another type, {', '.join(types):.200}"
                     at = Topic(domain_id, topic)
                     self.rejections.reject_robot(at, name, "wrong_type", now, why)
@@ -351,6 +361,13 @@ class RobotRegistry:
             if own and any(robot.wants(raw=raw) for robot, raw in bound):
                 yield topic.name, False
         yield from ((each.name, True) for each in self.shared_topics if each.domain_id == domain_id)
+
+
+def _is_at(settings: config.Robot, discovery: config.Discovery, topic: Topic) -> bool:
+    """Whether a robot is the one behind any topic of it that a discovery looks for."""
+    is_any = discovery.source is config.Source.NONE
+    at = topic.domain_id, namespace_of(discovery, topic.name)
+    return is_any and (settings.domain_id, settings.namespace) == at
 
 
 def _topics(settings: config.Robot) -> dict[Topic, bool]:

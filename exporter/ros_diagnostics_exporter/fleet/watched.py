@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
@@ -116,6 +117,14 @@ class WatchedFleet(ABC):
                 if topic.domain_id == domain_id:
                     for robot, _raw in bound:
                         robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
+
+    def finders(self, domain_id: Domain) -> list[re.Pattern[str]]:
+        """The patterns of topics of a domain by which robots are found, whatever their types."""
+        return [
+            each.pattern
+            for each in self.fleet.discoveries
+            if each.source is config.Source.NONE and domain_id in each.domain_ids
+        ]
 
     def note_other_types(
         self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant

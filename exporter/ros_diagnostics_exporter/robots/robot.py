@@ -168,10 +168,10 @@ class RobotState:
 
     @property
     def topic(self) -> str:
-        """The topic that it is read from; "" where it has no ROS."""
+        """The topic that it is read from, or found by; "" where there is none."""
         raw, aggregated = self.settings.topic_raw, self.settings.topic_agg
         both = (raw, aggregated) if self.source is config.Source.RAW else (aggregated, raw)
-        return next(filter(None, both), "")
+        return next(filter(None, (*both, self.settings.topic)), "")
 
     def _leave_raw(self, now: Instant) -> None:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
@@ -413,7 +413,7 @@ class RobotState:
         settings = self.settings
         return PersistedRobot(
             domain_id=settings.domain_id,
-            topic=settings.topic_agg or settings.topic_raw or "",
+            topic=settings.topic_agg or settings.topic_raw or settings.topic or "",
             source=self.source.value,
             last_seen=self.last_wall,
             components=[each.persist(now) for each in self.components if each.level >= 0],

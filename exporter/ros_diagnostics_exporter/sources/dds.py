@@ -237,8 +237,11 @@ class DdsDomain(Reception):
 
     def _read_topics(self, node: Node, found: Topics, now: Instant) -> Iterator[None]:
         """Report all topics, those that are due anew."""
+        finders = self.receiver.finders(self._domain)
         types = {
-            name: tuple(types) for name, types in found if TYPE in types or name in self.topics
+            name: tuple(types)
+            for name, types in found
+            if TYPE in types or name in self.topics or any(e.fullmatch(name) for e in finders)
         }
         others = {name: tuple(of) for name, of in found if name not in types}
         if others != self._other_types:

@@ -9,6 +9,7 @@ dropped (`TopicQueue`).
 from __future__ import annotations
 
 import logging
+import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -61,6 +62,9 @@ class Receiver(Protocol):
 
     def update_graph(self, domain: Domain, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
         """Take all topics of a domain, by name."""
+
+    def finders(self, domain: Domain) -> Sequence[re.Pattern[str]]:
+        """The patterns of topics of a domain by which robots are found, whatever their types."""
 
     def note_other_types(
         self, domain: Domain, types: Mapping[str, tuple[str, ...]], now: Instant

@@ -10,7 +10,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.graph_messages import Log
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver
 
@@ -301,3 +301,51 @@ def test_a_robot_that_two_components_are_made_for_of_fields_and_of_diagnostics_i
         ("Topics", "Battery"),
     }
     assert driver.robot.messages == 15
+
+
+# -- discovery -----------------------------------------------------------------------------------
+
+FOUND = """\
+fleet: f
+discovery: [{topic: "/hall/{robot}/io/e_stop", source: none, include: "r*"}]
+profiles: {default: {topics: [{topic: io/e_stop, component: E-stop, field: data, error_when: 1}]}}
+"""
+
+
+def offered(*topics: str) -> dict[str, Endpoint]:
+    return dict.fromkeys(topics, Endpoint(0, wrong_type=BOOL))
+
+
+def test_a_robot_is_found_by_any_topic_and_has_the_namespace_up_to_its_name(tmp_path):
+    driver = Driver(fleet=fleet_of(tmp_path, text=FOUND))
+    topic = "/hall/r/io/e_stop"
+    (pattern,) = driver.state.finders(0)
+    assert pattern.fullmatch(topic)
+    driver.state.update_graph(0, {topic: Endpoint(0)}, driver.now)
+    assert not driver.state.robots
+    for _ in range(2):
+        driver.state.update_graph(0, offered(topic, "/hall/other/io/e_stop"), driver.now)
+    assert list(driver.state.robots) == ["r"]
+    assert driver.robot.settings.namespace == "/hall/r"
+    assert dict(driver.state.rejected)["duplicate_robot"] == 0
+
+    driver.types = {topic: [BOOL]}
+    for _ in range(15):
+        driver.state.update_nodes(0, [("plc", "/hall/r")], driver.now)
+        driver.state.watched_topics(0, driver.types, driver.now)
+        driver.send(topic, Bool(data=True))
+        driver.at(driver.now.mono + 1)
+    assert driver.faults() == [("E-stop", "critical")]
+    later = driver.again(tmp_path / "db")
+    assert list(later.state.robots) == ["r"]
+    later.state.configure(later.state.fleet, later.now)
+    assert later.robot.settings.namespace == "/hall/r"
+
+
+def test_two_robots_of_one_name_are_not_mixed_up_by_any_topic(tmp_path):
+    text = FOUND.replace("/hall/{robot}", "/*/{robot}")
+    driver = Driver(fleet=fleet_of(tmp_path, text=text))
+    driver.state.update_graph(0, offered("/hall/r/io/e_stop", "/yard/r/io/e_stop"), driver.now)
+
+    assert driver.robot.settings.namespace == "/hall/r"
+    assert dict(driver.state.rejected)["duplicate_robot"] == 1
