@@ -88,14 +88,16 @@ class MessageType:
 class MessageTypes:
     """The types that are known, by name; each is read when it is first asked for.
 
-    ``folder`` is that beside fleet.yml, ``recorded`` has definitions of a recording by name.
+    ``folder`` is that beside fleet.yml.
     """
 
-    def __init__(
-        self, folder: Path | None = None, recorded: Mapping[str, str] | None = None
-    ) -> None:
-        self._folder, self._recorded = folder, recorded or {}
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
         self._known: dict[str, MessageType] = {}
+
+    def define(self, name: str, text: str) -> None:
+        """Take the definition that a recording has of a type, with all that it uses."""
+        self._known[name] = MessageType(name, text)
 
     def find(self, name: str) -> MessageType:
         """The type of this name.
@@ -116,8 +118,6 @@ class MessageTypes:
     def _read(self, name: str) -> MessageType:
         if not _TYPE.fullmatch(name):
             raise UnknownTypeError(f"{name} is not the name of a type of messages")
-        if name in self._recorded:
-            return MessageType(name, self._recorded[name])
         parts, waiting = dict[str, str](), [name]
         while waiting:
             wanted = waiting.pop()

@@ -138,15 +138,8 @@ class WatchedFleet(ABC):
 
         Returns whether any robot there is watched.
         """
-        with self._lock:
-            robots = [
-                robot
-                for robot in self._registry.robots.values()
-                if robot.settings.domain_id == domain_id
-                and robot.settings.in_ros
-                and not robot.shared
-            ]
-            shown = [robot for robot in robots if robot.is_shown_by_nodes]
+        robots = self._robots_of(domain_id)
+        shown = [robot for robot in robots if robot.is_shown_by_nodes]
         with self._watching:
             self._watch.follow(domain_id, (each.settings for each in robots), now)
             self._watch.see_nodes(domain_id, nodes, now)
@@ -159,6 +152,17 @@ class WatchedFleet(ABC):
         for report in reports:
             self._receive_report(report, now)
         return watches
+
+    def _robots_of(self, domain_id: Domain) -> list[RobotState]:
+        """The robots of a domain that have a namespace of their own."""
+        with self._lock:
+            return [
+                robot
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id
+                and robot.settings.in_ros
+                and not robot.shared
+            ]
 
     def _note_seen(self, robot: RobotState, now: Instant) -> None:
         """Note that a node of a robot is there, where that shows that it is up."""
@@ -233,6 +237,27 @@ class WatchedFleet(ABC):
                     robot.receive_fields(truncate_array(Array(0.0, tuple(statuses))).statuses, now)
                     self._follow(robot, now)
         return due
+
+    def update_offered(
+        self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> dict[str, str]:
+        """Take the types of what is published where nodes are not seen: in zenoh, in a recording.
+
+        Returns those of the topics to be subscribed beside diagnostics.
+        """
+        robots = self._robots_of(domain_id)
+        with self._watching:
+            self._watch.follow(domain_id, (each.settings for each in robots), now)
+            wanted = self._watch.wanted(domain_id, types, now)
+            reports = list(self._watch.reports(domain_id, now))
+        for report in reports:
+            self._receive_report(report, now)
+        return wanted
+
+    def define(self, kind: str, text: str) -> None:
+        """Take the definition that a recording has of a type."""
+        with self._watching:
+            self._watch.types.define(kind, text)
 
     def definition(self, kind: str) -> str:
         """The definition of a type of messages that was received, with all that it uses.

@@ -164,6 +164,12 @@ class GraphWatch:
         """The robots of which a node is there."""
         return {name for name in self._owners[domain].by_name if self._robots[name].is_there}
 
+    def see_offered(self, domain: Domain, topics: Iterable[str]) -> None:
+        """Take what is published in a domain of which no nodes are seen."""
+        offered = {self._owners[domain].of(each) for each in topics}
+        for name in self._owners[domain].by_name:
+            self._robots[name].is_offered = name in offered
+
     def _note(self, domain: Domain, readings: Iterable[Reading], now: Instant) -> None:
         """Have robots say why an entry of theirs has no status, or that it has one again."""
         for each in readings:

@@ -164,9 +164,12 @@ class Messages:
                 problems[f"log {node}"] = int(Level.ERROR), text
             else:
                 del self._matches[node]
-        if self.given_up:
-            problems[GIVEN_UP] = int(Level.WARN), "; ".join(sorted(self.given_up.values()))
         return problems
+
+    def unread(self) -> Problems:
+        """What is not read, though it is asked for."""
+        text = "; ".join(sorted(self.given_up.values()))
+        return {GIVEN_UP: (int(Level.WARN), text)} if text else {}
 
     def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
         clock = self.clock.read(now.mono)

@@ -18,6 +18,7 @@ from pydantic import Field
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_messages import (
+    GIVEN_UP,
     Message,
     Messages,
     MessagesLearned,
@@ -134,6 +135,7 @@ class RobotGraph:
         self.lossy = False
         self.report_at = self.write_at = now.mono
         self.met = False  # whether any of its nodes was ever there
+        self.is_offered = False  # any topic of it, where nodes are not seen
         self._nodes = Nodes()
         self._topics = Topics()
         self.messages = Messages()
@@ -174,8 +176,8 @@ class RobotGraph:
 
     @property
     def is_there(self) -> bool:
-        """Whether any of its nodes is."""
-        return bool(self._nodes.there)
+        """Whether any of its nodes or, where none are seen, topics is."""
+        return bool(self._nodes.there) or self.is_offered
 
     # -- seen --------------------------------------------------------------------------------
 
@@ -217,6 +219,7 @@ class RobotGraph:
             unread[about] = why
         else:
             del unread[about]
+        self._says_anyway = True
         self.report_at = now.mono
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
@@ -246,7 +249,7 @@ class RobotGraph:
         """What is to be said of it now; None where nothing is there of which anything is known."""
         self.report_at = now.mono + REPORT
         self.messages.clock.set(running=self._nodes.there, mono=now.mono)
-        if not (self._nodes.there or self._link or self._says_anyway):
+        if not (self.is_there or self._link or self._says_anyway):
             return None
         self._says_anyway = False
         self._take(self._find_problems(now), now)
@@ -269,6 +272,8 @@ class RobotGraph:
             problems = self._judge(now)
             due = self.messages.due(self.settings.watch, now)
             self.report_at = min(self.report_at, self._nodes.due, due)
+        problems.pop(GIVEN_UP, None)
+        problems |= self.messages.unread()
         if not self.lossy:
             problems.pop(LINK, None)
         elif self._link is not None:

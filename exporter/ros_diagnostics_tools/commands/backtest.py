@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TextIO
@@ -30,6 +30,7 @@ from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
+from ros_diagnostics_tools.backtest.small_topics import asked_names
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -175,7 +176,11 @@ def _run(options: BacktestOptions) -> None:
     fleet = _fleet(options, recording)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options, recording)
-    sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
+    asked = asked_names(filter(None, (fleet, other)))
+    sources = [
+        replace(_source(bag, fleet, domain_id, options.namespace or ""), asked=asked)
+        for bag in options.bags
+    ]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
         out = None
