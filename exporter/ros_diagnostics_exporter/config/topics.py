@@ -126,9 +126,10 @@ class TopicEntry(Entry, title="Topic"):
             raise WrongValueError(what, "write 1s or more", ("every",))
         return self
 
-    def name_in(self, namespace: str) -> str:
-        """The full name of the topic of a robot in a namespace."""
-        return self.topic if self.topic.startswith("/") else f"{namespace}/{self.topic}"
+    def name_in(self, namespace: str, prefix: str = "") -> str:
+        """The full name of the topic of a robot in a namespace; ``prefix`` is of zenoh's keys."""
+        is_full = self.topic.startswith("/")
+        return prefix + self.topic if is_full else f"{namespace}/{self.topic}"
 
     @property
     def paths(self) -> Mapping[str, str]:

@@ -62,6 +62,14 @@ def namespace_of(discovery: Discovery, topic: str) -> str:
     return topic.rpartition("/")[0]
 
 
+def end_of_topic(discovery: Discovery) -> str:
+    """The end of the names of any topics that a discovery looks for; "" of one of diagnostics."""
+    if discovery.source is not Source.NONE:
+        return ""
+    _before, _robot, behind = discovery.template.rpartition(ROBOT)
+    return behind.partition("/")[2]
+
+
 def _is_included(discovery: Discovery, name: str) -> bool:
     included = discovery.include
     return not included or any(pattern.fullmatch(name) for pattern in included)

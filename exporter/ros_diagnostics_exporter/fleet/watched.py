@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.fleet.discovery import end_of_topic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.loops import Timers
@@ -253,6 +254,24 @@ class WatchedFleet(ABC):
         for report in reports:
             self._receive_report(report, now)
         return wanted
+
+    def note_offered(self, domain_id: Domain, topics: Iterable[str], now: Instant) -> None:
+        """Take the small topics that somebody publishes where nodes are not seen."""
+        shown = [each for each in self._robots_of(domain_id) if each.is_shown_by_nodes]
+        with self._watching:
+            self._watch.see_offered(domain_id, topics)
+            present = self._watch.present(domain_id)
+        for robot in shown:
+            if robot.settings.name in present:
+                self._note_seen(robot, now)
+
+    def asked_topics(self, domain_id: Domain) -> frozenset[str]:
+        """The names, or ends of names, of all small topics that are asked for in a domain."""
+        found = [each for each in self.fleet.discoveries if domain_id in each.domain_ids]
+        profiles = [each.profile for each in self.fleet.robots if each.domain_id == domain_id]
+        profiles += [each.profile for each in found]
+        names = {entry.topic for profile in profiles for entry in profile.topics}
+        return frozenset(names | {end for each in found if (end := end_of_topic(each))})
 
     def define(self, kind: str, text: str) -> None:
         """Take the definition that a recording has of a type."""

@@ -16,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.dds_types import UnsupportedError, borrowed_type
 from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again
 MAX_MISSED = 1000  # messages between two looks that are counted
@@ -30,9 +31,9 @@ class _Followed(NamedTuple):
 
 
 class FieldTopics:
-    """Those of one domain; ``counted`` is added what is received, in bytes by topic."""
+    """Those of one domain; ``counted`` counts what is received."""
 
-    def __init__(self, domain: Domain, receiver: Receiver, counted: dict[str, int]) -> None:
+    def __init__(self, domain: Domain, receiver: Receiver, counted: WatchedBytes) -> None:
         self._domain, self._receiver, self._counted = domain, receiver, counted
         self._topics: dict[str, _Followed] = {}
         self._due: dict[str, float] = {}  # when a topic is read, or asked for, again; monotonic
@@ -86,7 +87,7 @@ class FieldTopics:
         missed = number - self._numbers.get(name, number - 1)
         self._numbers[name] = number
         count = missed if 1 <= missed <= MAX_MISSED else 1
-        self._counted[name] = self._counted.get(name, 0) + count * len(data)
+        self._counted.add(name, count * len(data))
         domain, kind = self._domain, followed.kind
         self._due[name] = self._receiver.receive_fields(domain, name, kind, data, now)
 

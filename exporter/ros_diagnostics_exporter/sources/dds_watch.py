@@ -29,6 +29,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Transition,
 )
 from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 KINDS = {
     LOG_TYPE: RosLog,
@@ -40,7 +41,6 @@ log = logging.getLogger(__name__)
 
 DEPTH = 200  # messages of one topic that the middleware holds between two looks
 LEVEL_AT, ERROR = 12, 40  # of a Log in CDR: behind 4 bytes of header and the stamp; the least
-COUNTED = 60.0  # seconds over which bytes are counted
 MAX_VALUE = 80  # characters of a parameter
 
 
@@ -50,8 +50,7 @@ class Watcher:
     def __init__(self, domain: Domain, receiver: Receiver) -> None:
         self._domain, self._receiver = domain, receiver
         self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
-        self._bytes: dict[str, int] = {}
-        self._counted_at: float | None = None
+        self._bytes = WatchedBytes()
         self._fields = FieldTopics(domain, receiver, self._bytes)
 
     def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
@@ -76,7 +75,7 @@ class Watcher:
             if taken is None:
                 break
             data = taken[0]
-            self._bytes[name] = self._bytes.get(name, 0) + len(data)
+            self._bytes.add(name, len(data))
             self._receiver.record_watched(self._domain, name, kind, data, now)
             if kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
@@ -91,14 +90,9 @@ class Watcher:
 
     def _count(self, now: Instant) -> None:
         """Report once a minute how much is received."""
-        if self._counted_at is None:
-            self._counted_at = now.mono
-        seconds = now.mono - self._counted_at
-        if seconds >= COUNTED:
-            rates = {name: count / seconds for name, count in self._bytes.items()}
+        rates = self._bytes.rates(now.mono)
+        if rates is not None:
             self._receiver.note_watched(self._domain, rates, now)
-            self._bytes.clear()
-            self._counted_at = now.mono
 
 
 def _subscribe(node: Any, name: str, kind: Any) -> Any:

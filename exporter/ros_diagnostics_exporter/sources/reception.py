@@ -12,7 +12,7 @@ import logging
 import re
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
@@ -91,6 +91,17 @@ class Receiver(Protocol):
 
     def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
         """Take a message of such a topic."""
+
+    def asked_topics(self, domain: Domain) -> frozenset[str]:
+        """The names, or ends of names, of all small topics that are asked for in a domain."""
+
+    def update_offered(
+        self, domain: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> Mapping[str, str]:
+        """Take the types of what is published where nodes are not seen; `watched_topics`."""
+
+    def note_offered(self, domain: Domain, topics: Iterable[str], now: Instant) -> None:
+        """Take the small topics that somebody publishes there."""
 
     def offered(self, domain: Domain, topic: str, kind: str, type_hash: str, now: Instant) -> bool:
         """Whether such a topic is read whose publishers offer this definition of its type."""

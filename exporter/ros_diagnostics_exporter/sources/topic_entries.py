@@ -68,7 +68,7 @@ class TopicEntries:
         self._readers: dict[str, list[_Reader]] = {}
         for robot in robots:
             for entry in robot.profile.topics:
-                name = entry.name_in(robot.namespace)
+                name = entry.name_in(robot.namespace, robot.zenoh or "")
                 self._readers.setdefault(name, []).append(_Reader(robot.name, entry))
 
     def robots(self, topic: str) -> Iterable[str]:

@@ -23,8 +23,8 @@ def is_asked(topic: str, names: frozenset[str]) -> bool:
 
 def small_topics(robot: Robot) -> set[Topic]:
     """Those that the entries of a robot name."""
-    entries, namespace = robot.profile.topics, robot.namespace
-    return {Topic(robot.domain_id, each.name_in(namespace)) for each in entries}
+    names = (each.name_in(robot.namespace, robot.zenoh or "") for each in robot.profile.topics)
+    return {Topic(robot.domain_id, name) for name in names}
 
 
 class SmallTopics:
