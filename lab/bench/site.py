@@ -32,6 +32,7 @@ class BenchSite(Site):
         if zenoh:
             found, routers = "zenoh: /", f"zenoh: {{routers: [{self.where}]}}\n"
             self.start_actor("router", self.where, seconds=seconds).wait_for_output("ready")
+        more = more.replace("DOMAIN", self.where)
         self.config = CONFIG.format(found=found, routers=routers) + more
         self.make_exporter(self.write("fleet.yml", self.config), *options, alertmanager="")
 
@@ -48,8 +49,8 @@ def running(
 ) -> Iterator[BenchSite]:
     """A site in a folder of its own.
 
-    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml, ``options`` those of
-    the exporter.
+    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml behind its discovery, in
+    which DOMAIN is where the robots are, ``options`` those of the exporter.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         site = BenchSite(Path(folder), zenoh=zenoh, seconds=seconds, more=more, options=options)

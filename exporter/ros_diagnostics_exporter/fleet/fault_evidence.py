@@ -60,7 +60,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         fields = _of_component(identity, found[1], found[0])
     else:
         fields = _of_robot(identity, found[0])
-    if found is not None:
+    if found is not None and found[0].last_wall:  # else it contradicts that nothing was received
         fields |= _first("logged", map(_text, found[0].network.logs))
     return _written(fields)
 

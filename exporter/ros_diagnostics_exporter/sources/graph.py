@@ -137,6 +137,9 @@ class GraphWatch:
             if why := entries.refusal(name, kind):
                 del wanted[name]
                 self._note(domain, entries.notes(name, why), now)
+        publishing = entries.publishing(types)
+        for name in self._owners[domain].by_name:
+            self._robots[name].has_topics = name in publishing
         self._note(domain, entries.unseen(types, self.present(domain), now), now)
         return wanted
 

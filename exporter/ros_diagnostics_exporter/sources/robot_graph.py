@@ -136,6 +136,7 @@ class RobotGraph:
         self.report_at = self.write_at = now.mono
         self.met = False  # whether any of its nodes was ever there
         self.is_offered = False  # any topic of it, where nodes are not seen
+        self.has_topics = False  # any whose fields are asked for
         self._nodes = Nodes()
         self._topics = Topics()
         self.messages = Messages()
@@ -249,7 +250,7 @@ class RobotGraph:
         """What is to be said of it now; None where nothing is there of which anything is known."""
         self.report_at = now.mono + REPORT
         self.messages.clock.set(running=self._nodes.there, mono=now.mono)
-        if not (self.is_there or self._link or self._says_anyway):
+        if not (self.is_there or self.has_topics or self._link or self._says_anyway):
             return None
         self._says_anyway = False
         self._take(self._find_problems(now), now)

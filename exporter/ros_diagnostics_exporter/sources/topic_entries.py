@@ -75,6 +75,11 @@ class TopicEntries:
         """The robots that ask for a topic."""
         return dict.fromkeys(each.robot for each in self._readers.get(topic, ()))
 
+    def publishing(self, topics: Container[str]) -> set[str]:
+        """The robots of which any of the topics that are asked for is among these."""
+        found = (readers for name, readers in self._readers.items() if name in topics)
+        return {each.robot for readers in found for each in readers}
+
     def refusal(self, topic: str, kind: str) -> str:
         """Why a topic of this type is not read; "" where it is."""
         robots = sorted(self.robots(topic))

@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.actors.graph import publish_graph
 from bench.actors.inventing import invent, publish_large
-from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood
+from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood, publish_joints
 from bench.actors.reading import hold_unread
 from bench.actors.taking import take_fleet
 from bench.actors.zenoh import offer_keys, route
@@ -48,6 +48,12 @@ def _add_fleets(kinds: Any) -> None:
     graph.set_defaults(
         run=lambda o: publish_graph(o.domain_id, _robots(o), o.topics, o.nodes, o.seconds)
     )
+    joints = kinds.add_parser("joints", help="robots without diagnostics")
+    joints.add_argument("where", help="ROS domain")
+    joints.add_argument("robots", type=int)
+    joints.add_argument("rate", type=float, help="messages a second of each robot")
+    joints.add_argument("--first", type=int, default=0, help="number of the first robot")
+    joints.set_defaults(run=lambda o: publish_joints(o.where, _robots(o), o.rate, o.seconds))
     taker = kinds.add_parser("taker", help="a subscriber of a fleet that decodes nothing")
     taker.add_argument("domain_id", type=int)
     taker.add_argument("robots", type=int)

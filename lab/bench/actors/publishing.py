@@ -14,6 +14,7 @@ from itertools import count
 from struct import pack_into
 
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 from bench.actors.pace import ticks
 from bench.robots import COMPONENTS, GROUPS, aggregated_array
@@ -74,6 +75,23 @@ def publish_fleet(
             worst = max(worst, late)
         fleet.wait_for_acknowledgements()
         print(f"all of {int(seconds)} turns acknowledged, late at worst {worst:.3f} s", flush=True)
+
+
+def publish_joints(where: str, robots: range, rate: float, seconds: float) -> None:
+    """Publish each robot's joints so many times a second, evenly spread; whoever listens or not."""
+    names = [f"joint_{number}" for number in range(10)]
+    with publisher(int(where)) as fleet:
+        topics = [f"/robot_{robot}/joint_states" for robot in robots]
+        for topic in topics:
+            fleet.offer(topic, kind=JointState, depth=10)
+        for tick, late in ticks(rate * len(topics), seconds):
+            turn, robot = divmod(tick, len(topics))
+            if robot == 0:
+                efforts = [number + turn / 1000 for number in range(len(names))]
+                data = bytes(serialize_message(JointState(name=names, effort=efforts)))
+            if tick % int(rate * len(topics)) == 0:
+                print(f"{tick} messages sent, late {late:.3f} s", flush=True)
+            fleet.send_bytes(topics[robot], data)
 
 
 def _partly_changed(turn: int, changing: Collection[int]) -> list[Status]:
