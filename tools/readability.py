@@ -164,7 +164,8 @@ def table() -> dict[str, Counts]:
 def worse(now: Mapping[str, Counts], limits: Mapping[str, Counts]) -> Iterator[str]:
     """A sentence for each count of a page that got worse; a page that is new has the goals."""
     for page, found in now.items():
-        for name, goal in GOALS.items():
+        for name in found:
+            goal = GOALS[name]
             limit = _limit(limits[page][name], goal) if page in limits else abs(goal)
             if (found[name] - limit) * (-1 if goal < 0 else 1) > 0:
                 bound = "at least" if goal < 0 else "at most"
