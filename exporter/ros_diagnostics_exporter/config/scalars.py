@@ -95,9 +95,7 @@ def positive_duration(value: Any) -> float:
     """A duration above zero, in seconds."""
     seconds = duration(value)
     if seconds == 0:
-        raise WrongValueError(
-            "is 0, so everything would be stale at once", "use a duration above 0, such as 5s"
-        )
+        raise WrongValueError("is 0", "use a duration above 0, such as 5s")
     return seconds
 
 
