@@ -49,11 +49,6 @@ class Network:
         return sum(endpoint.publishers for endpoint in self._endpoints.values())
 
     @property
-    def is_reached(self) -> bool:
-        """Whether nothing that the robot is behind is known to fail."""
-        return self.domain_up and self.uplink_up
-
-    @property
     def obstacle(self) -> SilentReason | None:
         """The reason, if the graph shows why nothing can be received."""
         if not self.domain_up:

@@ -22,7 +22,8 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.addresses import update_fast_dds
 from ros_diagnostics_exporter.sources.link import Link
-from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Count, Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
     MiddlewareMissingError,
     RosMissingError,

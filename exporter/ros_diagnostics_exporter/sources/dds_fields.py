@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.dds_types import UnsupportedError, borrowed_type
-from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again

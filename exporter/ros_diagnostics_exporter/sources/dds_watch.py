@@ -28,7 +28,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Parameters,
     Transition,
 )
-from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 KINDS = {

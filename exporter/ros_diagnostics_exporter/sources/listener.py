@@ -14,7 +14,8 @@ from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import ZENOH, Domain, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
-from ros_diagnostics_exporter.sources.reception import Receiver, Reception
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Reception
 from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
 from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 

@@ -30,7 +30,8 @@ from ros_diagnostics_exporter.config.fleet import Zenoh
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import ZENOH, Endpoint, Instant
-from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Count, Reception
 from ros_diagnostics_exporter.sources.zenoh_fields import Offer, ZenohFields, asked_tokens
 
 _BRIDGED_TYPE = "diagnostic_msgs§msg§DiagnosticArray"

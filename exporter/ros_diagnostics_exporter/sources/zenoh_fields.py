@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.model import ZENOH, Instant
-from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again

@@ -14,7 +14,7 @@ from support.shipped_rules import ROOT
 from support.state_driver import ERROR, OK, WARN, StateDriver
 
 PAGE = (ROOT / "docs/robots-without-diagnostics.md").read_text("utf-8")
-FIRST, ARM, CREATE = re.findall("^```yaml\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+FIRST, ARM, CREATE, _FOUND = re.findall("^```yaml\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 (SAFETY,) = re.findall("^```text\n(uint8.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 UR = "ur_dashboard_msgs/msg/SafetyMode"
 BATTERY, JOINTS = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/JointState"
