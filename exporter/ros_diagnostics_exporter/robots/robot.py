@@ -43,7 +43,6 @@ from ros_diagnostics_exporter.robots.updates import (
     FieldUpdates,
     MeasuredUpdates,
     RawUpdates,
-    is_of_fields,
     query_of,
 )
 from ros_diagnostics_exporter.sources.link import LinkReading
@@ -177,7 +176,7 @@ class RobotState:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
         self._is_switched = False
         for component in [each for each in self.components if each.raw_received is not None]:
-            if is_of_fields(component.identity):
+            if component.is_of_fields:
                 continue
             if self._aggregated.lists(component):
                 component.raw_received, component.gaps = None, ()
@@ -227,7 +226,8 @@ class RobotState:
     def receive_fields(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update components from the fields of a topic that fleet.yml asks for."""
         self._note_received(now)
-        self._fields.apply(statuses, now)
+        names = {each.component for each in self.settings.profile.topics}
+        self._fields.apply([each for each in statuses if each.name in names], now)
 
     @property
     def is_shown_by_nodes(self) -> bool:
@@ -239,7 +239,7 @@ class RobotState:
         asks = source is config.Source.NONE or profile.topics or profile.graph.watch.asks
         if not asks or self.messages or source is config.Source.QUERIES:
             return False
-        return all(query_of(i) or is_of_fields(i) for i in self.components.by_identity)
+        return all(each.is_of_fields or query_of(each.identity) for each in self.components)
 
     def note_seen(self, now: Instant) -> None:
         """Note that a node of it is in the ROS graph."""

@@ -152,6 +152,7 @@ class AggregatedUpdates:
             component
             for identity, component in components.by_identity.items()
             if structure.leaves and identity not in listed and component.raw_received is None
+            if not component.is_of_fields
         ]
 
     def _find_former(

@@ -10,14 +10,19 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import STALE_AFTER_FIRST, Component, Held, Identity
+from ros_diagnostics_exporter.robots.component import (
+    FIELDS,
+    STALE_AFTER_FIRST,
+    Component,
+    Held,
+    Identity,
+)
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
 from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
 _MARK = "query:"
-_FIELDS = "fields:"  # where others have a query's name
 TOPICS = "Topics"  # the group of components that are made of fields
 
 
@@ -30,11 +35,6 @@ def query_of(identity: Identity) -> str | None:
 def is_of_graph(identity: Identity) -> bool:
     """Whether it is the ROS graph that shows a component."""
     return query_of(identity) == GROUP
-
-
-def is_of_fields(identity: Identity) -> bool:
-    """Whether a component is made of fields of a topic."""
-    return identity[1] == _FIELDS
 
 
 class MeasuredUpdates:
@@ -96,14 +96,14 @@ class FieldUpdates:
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components of some entries."""
         for status in statuses:
-            identity = (status.name, _FIELDS, "")
+            identity = (status.name, FIELDS, "")
             component = self._components.get_or_add(identity, TOPICS, now)
             if component is not None:
                 self._components.update_raw(component, status, now)
 
     def lost(self, names: Container[str]) -> list[Component]:
         """The components of entries that the config no longer has."""
-        found = [each for each in self._components if is_of_fields(each.identity)]
+        found = [each for each in self._components if each.is_of_fields]
         return [each for each in found if each.identity[0] not in names]
 
 

@@ -19,13 +19,15 @@ from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again
+ASKED_AFTER = 60.0  # ... without a message after which its publishers are asked for again
 MAX_MISSED = 1000  # messages between two looks that are counted
 
 
 class _Followed(NamedTuple):
-    """A subscribed topic: its type, and what takes its messages."""
+    """A subscribed topic: its type, how it is subscribed, and what takes its messages."""
 
     kind: str
+    profile: QoSProfile
     python_type: Any
     subscription: Any
 
@@ -38,14 +40,15 @@ class FieldTopics:
         self._topics: dict[str, _Followed] = {}
         self._due: dict[str, float] = {}  # when a topic is read, or asked for, again; monotonic
         self._numbers: dict[str, int] = {}  # of the last message
+        self._ask_at: dict[str, float] = {}  # when a topic without messages is looked at again
 
     def look(self, node: Any, wanted: Mapping[str, str], now: Instant) -> Iterator[None]:
         """Follow what is wanted, by name with its type, and take what is due; in small pieces."""
         for name, followed in list(self._topics.items()):
-            if wanted.get(name) != followed.kind:
+            if wanted.get(name) != followed.kind or self._is_offered_otherwise(node, name, now):
                 node.destroy_subscription(self._topics.pop(name).subscription)
                 yield
-        for known in (self._due, self._numbers):
+        for known in (self._due, self._numbers, self._ask_at):
             for name in known.keys() - wanted.keys():
                 del known[name]
         for name, kind in wanted.items():
@@ -55,6 +58,14 @@ class FieldTopics:
                 else:
                     self._subscribe(node, name, kind, now)
                 yield
+
+    def _is_offered_otherwise(self, node: Any, name: str, now: Instant) -> bool:
+        """Whether nothing was received for a time, and the publishers are others now."""
+        if now.mono < self._ask_at.setdefault(name, now.mono + ASKED_AFTER):
+            return False
+        self._ask_at[name] = now.mono + ASKED_AFTER
+        offers = node.get_publishers_info_by_topic(name)
+        return bool(offers) and _profile(offers) != self._topics[name].profile
 
     def _subscribe(self, node: Any, name: str, kind: str, now: Instant) -> None:
         """Subscribe a topic as its publishers offer it; without any it waits for one."""
@@ -72,17 +83,18 @@ class FieldTopics:
             self._receiver.refuse_watched(self._domain, name, str(error), now)
             self._due[name] = now.mono + REFUSED_FOR
             return
-        events = SubscriptionEventCallbacks(use_default_callbacks=False)
+        events, profile = SubscriptionEventCallbacks(use_default_callbacks=False), _profile(offers)
         made = node.create_subscription(
-            python_type, name, _never_called, _profile(offers), raw=True, event_callbacks=events
+            python_type, name, _never_called, profile, raw=True, event_callbacks=events
         )
-        self._topics[name] = _Followed(kind, python_type, made)
+        self._topics[name] = _Followed(kind, profile, python_type, made)
 
     def _take(self, name: str, followed: _Followed, now: Instant) -> None:
         taken = followed.subscription.handle.take_message(followed.python_type, True)
         if taken is None:
             return
         data, info = taken
+        self._ask_at[name] = now.mono + ASKED_AFTER
         number = info["publication_sequence_number"] or 0
         missed = number - self._numbers.get(name, number - 1)
         self._numbers[name] = number

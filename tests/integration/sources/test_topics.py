@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, Image
 from std_msgs.msg import Bool
 
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.decode.messages import MessageTypes
 from ros_diagnostics_exporter.sources.dds_types import borrowed_type
 from support.ros_publisher import repeating
 from testbed.polling import until
@@ -93,3 +95,51 @@ def test_a_robot_without_diagnostics_has_its_faults_and_their_ends(
         robot.set_mode(1)
         until(lambda: faults(running).keys() == {"watch"}, lambda: f"{faults(running)}", 60)
     assert running.sample("robot_silent_reason", robot="r") in (None, 0)
+
+
+ZENOH = """\
+fleet: f
+zenoh: {routers: [ROUTER]}
+robots: [{name: r, zenoh: cell/r, source: none}]
+discovery: [{topic: "/{robot}/e_stop", zenoh: yard, source: none, include: "s*"}]
+profiles:
+  default:
+    confirm_after: 3s
+    topics:
+      - {topic: e_stop, component: E-stop, field: data, error_when: true}
+      - {topic: mode, component: Mode, field: data, levels: {auto: OK}}
+"""
+
+
+def test_robots_beyond_the_lan_are_judged_by_their_topics_too(
+    tmp_path, router, bridge, run_exporter
+):
+    (tmp_path / "fleet.yml").write_text(ZENOH.replace("ROUTER", router.locator))
+    running = run_exporter(load(tmp_path / "fleet.yml"))
+    known = MessageTypes()
+    for robot in ("cell/r", "yard/s"):
+        kind = "std_msgs/msg/Bool"
+        bridge.offer(f"/{robot}/e_stop", kind, type_hash=known.find(kind).hash)
+    bridge.offer("/cell/r/mode", "std_msgs/msg/String", type_hash="RIHS01_5")
+    stopped = Bool(data=True)
+
+    def publish(_turn: int) -> None:
+        for robot in ("cell/r", "yard/s"):
+            bridge.send_bytes(f"/{robot}/e_stop", serialize_message(stopped))
+
+    def found() -> set[tuple[str, str]]:
+        faults = running.service.state.faults()
+        return {(each.identity.robot, each.identity.component) for each in faults}
+
+    with repeating(publish, 0.5):
+        expected = {("r", "E-stop"), ("s", "E-stop"), ("r", "watch"), ("s", "watch")}
+        until(lambda: found() >= expected - {("s", "watch")}, lambda: f"{found()}", 60)
+        assert (
+            "its publisher has another definition of std_msgs/msg/String"
+            in faults(running)["watch"]
+        )
+        stopped.data = False
+        until(lambda: not found() - {("r", "watch"), ("s", "watch")}, lambda: f"{found()}", 60)
+    running.wait_for("robot_up", 1, robot="r")  # its publishers' tokens are there
+    bridge.close()
+    running.wait_for("robot_up", 0, robot="r")

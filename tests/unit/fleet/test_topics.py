@@ -12,7 +12,7 @@ from std_msgs.msg import Bool
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.graph_messages import Log
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 BATTERY, BOOL = "sensor_msgs/msg/BatteryState", "std_msgs/msg/Bool"
 TYPES = {"/r/battery_state": [BATTERY], "/r/e_stop": [BOOL]}
@@ -349,3 +349,18 @@ def test_two_robots_of_one_name_are_not_mixed_up_by_any_topic(tmp_path):
 
     assert driver.robot.settings.namespace == "/hall/r"
     assert dict(driver.state.rejected)["duplicate_robot"] == 1
+
+
+def test_an_array_of_an_aggregator_says_nothing_of_what_was_known_of_fields(tmp_path):
+    driver = Driver(fleet=fleet_of(tmp_path, "source: agg"))
+    rows = tree(All=[Status(OK, "Motor", "OK")])
+    for _ in range(15):
+        driver.agg(*rows)
+        driver.go_on(1, battery_state=BatteryState(percentage=0.5), e_stop=Bool())
+    later = driver.again(tmp_path / "db")
+    for _ in range(20):
+        later.agg(*rows)
+        later.at(later.now.mono + 1)
+
+    assert later.level("Battery") == STALE
+    assert later.state.faults() == []

@@ -97,6 +97,22 @@ def test_a_topic_is_taken_when_it_is_due_and_what_was_missed_is_counted(site):
     assert site.bytes.rates(60.0) == {TOPIC: 31 * 5 / 60}
 
 
+def test_a_silent_topic_is_subscribed_anew_once_its_publishers_offer_something_else(site):
+    site.offer(offer(DurabilityPolicy.TRANSIENT_LOCAL))
+    site.look(0.0)
+    site.look(61.0)
+    assert site.node.create_subscription.call_count == 1
+    site.offer(offer())
+    site.send(b"12345", 1)
+    site.look(100.0)
+    site.subscription.handle.take_message.return_value = None
+    site.look(159.0)
+    assert site.node.create_subscription.call_count == 1
+    site.look(161.0)
+    assert site.node.create_subscription.call_count == 2
+    assert site.node.create_subscription.call_args.args[3].durability == DurabilityPolicy.VOLATILE
+
+
 def test_a_topic_that_is_refused_is_asked_for_again_later(site):
     site.offer(offer())
     site.receiver.offered.return_value = False
