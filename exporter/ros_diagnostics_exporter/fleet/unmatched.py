@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.robots.rules import (
     value_matches,
     value_rule,
 )
+from ros_diagnostics_exporter.robots.updates import TOPICS
 from ros_diagnostics_exporter.robots.values import read_by
 from ros_diagnostics_exporter.texts import nearest
 
@@ -48,6 +49,7 @@ KINDS = (
     "discovery",
     "maintenance",
     "shared",
+    "topic",
     "value",
 )
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
@@ -213,6 +215,10 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
         matches = any(check_matches(check, group, name) for group, name, _keys in parts)
         near = "" if matches else nearest(text, names)
         yield Unmatched("check", f"{check.name}: {text}", near), matches
+    for topic in profile.topics:
+        matches = any(part[:2] == (TOPICS, topic.component) for part in parts)
+        entry = f"{topic.topic}: {topic.component}"
+        yield Unmatched("topic", entry, why="is received of no robot"), matches
     for rule in profile.components:
         if not rule.ignore:
             text = written([rule.pattern])

@@ -9,6 +9,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.graph_messages import Log
@@ -364,3 +365,14 @@ def test_an_array_of_an_aggregator_says_nothing_of_what_was_known_of_fields(tmp_
 
     assert later.level("Battery") == STALE
     assert later.state.faults() == []
+
+
+def test_a_topic_that_is_received_of_no_robot_is_named_after_five_minutes(driver):
+    for _ in range(400):
+        driver.go_on(1, e_stop=Bool())
+
+    found = fleet_snapshot(driver.state, driver.now)["unmatched"]
+    assert {"what": "topic", "entry": "battery_state: Battery", "nearest": ""}.items() <= next(
+        each for each in found if each["what"] == "topic"
+    ).items()
+    assert [each["why"] for each in found if each["what"] == "topic"] == ["is received of no robot"]
