@@ -70,6 +70,7 @@ class GraphWatch:
             graph, namespace = settings.profile.graph, settings.namespace
             if name in self._robots:
                 self._robots[name].configure(graph, namespace, now)
+                self._robots[name].forget_unread(now)
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)

@@ -223,6 +223,11 @@ class RobotGraph:
         self._says_anyway = True
         self.report_at = now.mono
 
+    def forget_unread(self, now: Instant) -> None:
+        """Know no more why entries have no status: they may be others now."""
+        for about in [each for each in self.messages.given_up if not each[1].startswith("/")]:
+            self.note_unread(about, "", now)
+
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
         self._link = reading

@@ -376,3 +376,15 @@ def test_a_topic_that_is_received_of_no_robot_is_named_after_five_minutes(driver
         each for each in found if each["what"] == "topic"
     ).items()
     assert [each["why"] for each in found if each["what"] == "topic"] == ["is received of no robot"]
+
+
+def test_what_was_wrong_with_an_entry_that_is_corrected_is_no_problem_any_more(driver, tmp_path):
+    driver.types = {"/r/battery_state": ["sensor_msgs/msg/Image"], "/r/e_stop": [BOOL]}
+    driver.go_on(50, e_stop=Bool())
+    assert driver.faults() == [("watch", "warning")]
+    text = FLEET.replace("topic: battery_state, component: Battery", "topic: bat, component: Cell")
+    driver.types["/r/bat"] = [BATTERY]
+    driver.state.configure(fleet_of(tmp_path, text=text), driver.now)
+    driver.go_on(3, bat=BatteryState(), e_stop=Bool())
+
+    assert driver.faults() == []
