@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import string
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_parser import definition as idl
 
-from ros_diagnostics_exporter.decode.messages import MessageTypes
+from ros_diagnostics_exporter.decode.messages import MessageTypes, UndecodableError
 
 NAMES = [
     "actionlib_msgs/GoalStatusArray",
@@ -118,3 +119,10 @@ def test_a_message_is_decoded_as_rclpy_does(name):
         assert is_same(found.decode(data), deserialize_message(data, kind))
 
     check()
+
+
+@settings(max_examples=500, deadline=1000)
+@given(st.sampled_from(NAMES), st.binary(max_size=300), st.sampled_from((b"\0\0", b"\0\1")))
+def test_whatever_bytes_come_they_are_a_message_or_undecodable(name, data, order):
+    with suppress(UndecodableError):
+        TYPES.find(name.replace("/", "/msg/")).decode(order + data)
