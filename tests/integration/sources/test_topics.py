@@ -97,6 +97,23 @@ def test_a_robot_without_diagnostics_has_its_faults_and_their_ends(
     assert running.sample("robot_silent_reason", robot="r") in (None, 0)
 
 
+def test_a_flood_of_large_messages_is_given_up_and_slows_nothing_else(
+    tmp_path, robots, run_exporter, ros_domain
+):
+    entry = f"robots: [{{name: r, namespace: /r, source: none, domain_id: {ros_domain}}}]"
+    battery = robots.offer("/r/battery_state", kind=BatteryState)
+    e_stop = robots.offer("/r/e_stop", reliable=False, kind=Bool)
+    running = started(tmp_path, run_exporter, entry)
+    flood = BatteryState(location="x" * 20_000)
+    with repeating(lambda _turn: battery.publish(flood), 0.01):
+        until(battery.get_subscription_count, "the flood is subscribed")
+        until(lambda: not battery.get_subscription_count(), "the flood is given up", 30)
+        with repeating(lambda _turn: e_stop.publish(Bool(data=True)), 0.5):
+            expected = {"E-stop", "watch"}
+            until(lambda: faults(running).keys() == expected, lambda: f"{faults(running)}", 60)
+    assert "/r/battery_state is given up: 20" in faults(running)["watch"]
+
+
 ZENOH = """\
 fleet: f
 zenoh: {routers: [ROUTER]}

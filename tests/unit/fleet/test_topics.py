@@ -388,3 +388,14 @@ def test_what_was_wrong_with_an_entry_that_is_corrected_is_no_problem_any_more(d
     driver.go_on(3, bat=BatteryState(), e_stop=Bool())
 
     assert driver.faults() == []
+
+
+def test_any_topic_of_a_namespace_finds_its_robot_once(tmp_path):
+    driver = Driver(fleet=fleet_of(tmp_path, text=FOUND.replace("{robot}/io/e_stop", "{robot}/*")))
+    names = ("/hall/r/cmd", "/hall/r/mode", "/yard/r2/mode")
+    (pattern,) = driver.state.finders(0)
+    driver.state.update_graph(0, offered(*filter(pattern.fullmatch, names)), driver.now)
+
+    assert list(driver.state.robots) == ["r"]
+    assert driver.robot.settings.namespace == "/hall/r"
+    assert dict(driver.state.rejected)["duplicate_robot"] == 0
