@@ -296,7 +296,7 @@ class Service:
             loop.stop(max(0.0, deadline - time.monotonic()))
         hangs = not self._storage_loop.stop(self.GRACE)
         if hangs:
-            log.error("the state is not written a last time: the disk of the database hangs")
+            log.error("could not save the state before the exit: the disk does not respond")
         else:
             self._save(at_once=True)  # leaving many subscriptions takes long, and we may be killed
         for source in self._sources:

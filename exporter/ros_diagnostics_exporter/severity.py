@@ -29,7 +29,7 @@ COLOURS = {
 }
 # Why a problem is suppressed; maintenance is shown with its end, a condition in its words.
 SUPPRESSED = {
-    "no_data": "nothing fresh is known",
+    "no_data": "no recent data",
     "robot_silent": "the robot is silent",
     "unreachable": "the robot's uplink or its DDS domain fails",
     "maintenance": "maintenance",
@@ -276,7 +276,7 @@ def standing(
     if problem.get("because"):
         suppressed = f"{suppressed}, {problem['because']}"
     if problem["confirmed"] is not None:
-        return f"confirmed; healthy again, still open: {suppressed}" if suppressed else "confirmed"
+        return f"recovered; it stays open: {suppressed}" if suppressed else "confirmed"
     if suppressed:
         return f"suppressed: {suppressed}"
     left = math.ceil(problem["due"] - now)

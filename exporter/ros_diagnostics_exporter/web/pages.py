@@ -152,7 +152,7 @@ def robot_page(
 
 def rejected(why: str) -> str:
     """The page after a form that was not followed."""
-    return _render("rejected.html", title="Not done", why=why)
+    return _render("rejected.html", title="Not saved", why=why)
 
 
 def runbook_page(alert: str, names: Mapping[str, str]) -> str | None:

@@ -61,7 +61,7 @@ def _print(answer: dict[str, Any], losses: list[Loss]) -> None:
             for state, depth, text in _lines(each, by_name, 0):
                 table.add_row(_chip(state), Text(_INDENT * depth + one_line(text)))
     console.print(table)
-    _print_losses(console, "The next part that fails", [each for each in losses if each.now])
+    _print_losses(console, "If one more part fails", [each for each in losses if each.now])
     single = [each for each in losses if each.single]
     _print_losses(console, "Single points of failure", single, single=True)
 
@@ -80,7 +80,7 @@ def _print_losses(
 ) -> None:
     console.print(Text(f"\n{title}:"))
     if not losses:
-        console.print(Text("  none"))
+        console.print(Text("  nothing more is lost"))
         return
     table = make_table("Part", "Lost with it")
     for each in losses:

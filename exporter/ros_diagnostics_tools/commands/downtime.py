@@ -32,8 +32,8 @@ from ros_diagnostics_exporter.silences import (
     silence,
     valid,
 )
-from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
-from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_exporter.texts import escape, one_line, printable
+from ros_diagnostics_tools.errors import NotDoneError, hint, no_robot
 from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
@@ -149,14 +149,24 @@ def _duration(given: list[str]) -> float:
         raise click.UsageError(
             "give [ROBOT [COMPONENT]] DURATION and a --comment; or --list or --cancel"
         )
-    return Duration().convert(given.pop(), None, None)
+    last = given.pop()
+    try:
+        return Duration().convert(last, None, None)
+    except click.BadParameter as error:
+        raise click.UsageError(
+            f"{error.format_message().removeprefix('Invalid value: ')}; the duration is the last "
+            f"word: ros-diagnostics downtime {' '.join([*given, last])} 2h"
+        ) from error
 
 
 def _wanted(given: list[str], labels: dict[str, str]) -> WantedDowntime:
     if labels and given:
         raise click.UsageError("--site and --selector stand for ROBOT: give one or the other")
     if not labels and len(given) not in (1, 2):
-        raise click.UsageError("give ROBOT [COMPONENT] and, but with --cancel, a DURATION")
+        raise click.UsageError(
+            "missing ROBOT: ros-diagnostics downtime ROBOT [COMPONENT] DURATION; with --cancel "
+            "no DURATION"
+        )
     robot, component = ("", "") if labels else (given[0], given[1] if len(given) > 1 else "")
     if not (robot or labels) or max(len(robot), len(component)) > NAME_LENGTH:
         raise click.UsageError(f"a name has 1 to {NAME_LENGTH} characters")
@@ -204,17 +214,12 @@ def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple
         raise NotDoneError(f"no robot has the labels {str(wanted)!r}")
     if not found:
         names = [each["robot"] for each in exporter.fleet()["robots"]]
-        raise NotDoneError(f"no robot {wanted.robot!r}{_hint(wanted.robot, names)}")
+        raise no_robot(wanted.robot, names)
     names = [each["component"] for each in found[0]["components"]]
     if wanted.component and wanted.component not in names:
-        near = _hint(wanted.component, names)
+        near = hint(wanted.component, names)
         raise NotDoneError(f"{wanted.robot} has no component {wanted.component!r}{near}")
     return known["fleet"], [each["robot"] for each in found]
-
-
-def _hint(name: str, names: list[str]) -> str:
-    near = nearest(name, names)
-    return f"; the nearest is {near!r}" if near else ""
 
 
 def _make(client: Client, fleet: str, planned: Downtime) -> str:

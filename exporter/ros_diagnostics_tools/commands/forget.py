@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 import click
 
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.errors import hint
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
@@ -29,11 +30,19 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
     It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
     """
     query = {"robot": robot} if component is None else {"robot": robot, "component": component}
+    known = servers.exporter.fleet((robot,))["robots"]
     found = servers.exporter.post(f"/-/forget?{urlencode(query)}", {})
     if output == "json":
         print_json(found)
     else:
         name = one_line(" ".join(query.values()))
         print(f"forgotten: {name}, {found['forgotten']} components")  # noqa: T201
+        if not known:
+            print(_of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:
             print(ALONE)  # noqa: T201
+
+
+def _of_unknown(robot: str, servers: Servers) -> str:
+    near = hint(robot, (each["robot"] for each in servers.exporter.fleet()["robots"]))
+    return one_line(f"no robot {robot!r} is known here{near}; alerts that are held for it end")

@@ -10,9 +10,10 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.errors import no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
 from ros_diagnostics_tools.times import Moment
@@ -33,11 +34,17 @@ from ros_diagnostics_tools.times import Moment
 def command(
     servers: Servers, output: str, robot: str, component: str | None, at: datetime | None
 ) -> None:
-    """Show why somebody was notified of the faults of ROBOT, or of its COMPONENT, or nobody."""
+    """Explain who was notified of the faults of ROBOT, or of its COMPONENT, or why nobody was."""
     moment = None if at is None else str(at.timestamp())
     query = {"robot": robot, "component": component, "at": moment}
     path = f"/api/v1/why?{urlencode({key: text for key, text in query.items() if text})}"
-    found = servers.exporter.get(path)
+    try:
+        found = servers.exporter.get(path)
+    except AnsweredError as error:
+        names = [each["robot"] for each in servers.exporter.fleet()["robots"]]
+        if robot in names:
+            raise
+        raise no_robot(robot, names) from error
     if not isinstance(found, dict) or not {"entries", "now", "time"} <= found.keys():
         raise UnreachableError(f"{servers.exporter.url}{path} is not a ROS diagnostics exporter")
     if output == "json":

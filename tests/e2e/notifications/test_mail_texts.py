@@ -237,7 +237,8 @@ def test_what_the_robot_can_no_longer_do_is_in_the_first_line_and_in_the_text_me
     mail = received.problems[name]
     assert mail.text.splitlines()[0].endswith(f"Act now. The r{work}")
     assert mail.text.count("work: ") == mail.html.count("work: ") == 0
-    assert "What was known then:\n  over current\n  values: Current: 12.5 A\n" in mail.text
+    details = "Details at the time of the alert:\n  over current\n  values: Current: 12.5 A\n"
+    assert details in mail.text
     assert f" is CRITICAL. R{work} over current; values" in received.texts[name]
 
 

@@ -353,7 +353,9 @@ def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
     def shown(answer) -> str:
         return read(
             answer.text.partition(
-                "Of many robots" if "Of many" in answer.text else "Robots with problems"
+                "Faults of many robots"
+                if "of many robots" in answer.text
+                else "Robots with problems"
             )[2]
         ).text
 
@@ -472,7 +474,7 @@ def test_a_problem_is_confirmed_or_not_yet_or_suppressed_with_the_reason():
         shown(confirmed=None, suppressed="maintenance") == "suppressed: maintenance until 20:00 UTC"
     )
     assert shown(suppressed="flapping", healthy=True) == (
-        "confirmed; healthy again, still open: it is flapping"
+        "recovered; it stays open: it is flapping"
     )
 
 
@@ -509,7 +511,7 @@ def test_maintenance_and_flapping_are_marked():
 def test_what_many_robots_have_in_common_comes_first():
     site = problem("site", "silent", site="hall", confirmed=1_010.0, evidence="robots: a, b")
     text = text_of(robot("a", problems=[MUTE], **SILENT), problems=[site])
-    assert "Of many robots: 1SILENT many robots of site hall are silent confirmed" in text
+    assert "Faults of many robots: 1SILENT many robots of site hall are silent confirmed" in text
     assert text.index("of site hall") < text.index("Robots with problems")
 
 
@@ -553,18 +555,18 @@ def test_what_the_fleet_and_a_robot_can_do_is_shown_the_worst_first():
     see, drive = able("see", "ok", ok=2), able("drive", "degraded", ok=1, degraded=1, maintenance=3)
     given = fleet(robot("a")) | {"capabilities": [see, drive, able("lift", "lost", lost=1)]}
     assert (
-        "Can doCRITICAL lift lost  0 of 1 robots can, 1 lost"
+        "CapabilitiesCRITICAL lift lost  0 of 1 robots can, 1 lost"
         "WARNING drive degraded  2 of 5 robots can, 3 in maintenance"
         "OK see 2 of 2 robots canRobots with problems"
     ) in read(landing(given, "/metrics")).text
-    assert "Can do" not in landing(given, "/metrics", "a")
+    assert "Capabilities" not in landing(given, "/metrics", "a")
     motor = {"group": "/Motor", "component": "Motor 1", "check": "", "key": "", "robot": ""}
     able_to = [
         {"capability": "see", "state": "ok", "parts": []},
         {"capability": "drive", "state": "lost", "parts": [motor]},
     ]
     text = read(robot_page(fleet(robot("a", capabilities=able_to)), "a", []) or "").text
-    assert "Can doCRITICAL drive lost  /Motor/Motor 1OK see" in text
+    assert "CapabilitiesCRITICAL drive lost  /Motor/Motor 1OK see" in text
 
 
 def test_the_size_of_the_pages_is_limited():
