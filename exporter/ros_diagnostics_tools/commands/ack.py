@@ -209,7 +209,7 @@ def _second(since: str) -> str:
 def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
-    found = [problem for problem in known if is_wanted(problem, wanted)]
+    found = [problem for problem in known if is_wanted(problem, wanted)] or _meant(known, wanted)
     if not found:
         raise NotDoneError(_not_firing(wanted, known))
     fleets = sorted({each.labels.get("fleet", "") for each in found})
@@ -217,6 +217,25 @@ def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
         names = ", ".join(map(one_line, fleets))
         raise NotDoneError(f"{str(wanted)!r} is of several fleets: say with --fleet which: {names}")
     return found
+
+
+def _meant(known: Sequence[Acknowledgeable], wanted: WantedProblem) -> list[Acknowledgeable]:
+    """Those of the component whose name lost blanks when it was copied, or of the only match."""
+    if not (wanted.robot and wanted.component):
+        return []
+    word = _folded(wanted.component)
+    of_robot = [each for each in known if each.labels.get("robot") == wanted.robot]
+    names = {each.labels.get("component") or each.labels.get("check", "") for each in of_robot}
+    near = [name for name in names if word == _folded(name)]
+    near = near or [name for name in names if word in _folded(name)]
+    if len(near) != 1:
+        return []
+    meant = wanted._replace(component=near[0])
+    return [each for each in of_robot if is_wanted(each, meant)]
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
 
 
 def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:

@@ -498,7 +498,39 @@ def test_all_mails_about_one_component_are_one_thread(render):
         for name in ("RosDiagnosticsComponentWarning", "RosDiagnosticsComponentCritical")
     }
 
-    assert threads == {"<f.r1.Motor-1@ros-diagnostics>"}
+    assert threads == {"<f.r1.Motor+1@ros-diagnostics>"}
+
+
+def test_the_mail_about_an_uplink_says_what_to_check(render, part):
+    labels = {**CRITICAL, "fault": "f0", "robot": "ap-1", "component": "uplink"}
+    evidence = "it does not answer;\nrobots behind it: robot_3, robot_4"
+    mail = render(f"email.{part}", data("firing", labels, evidence=evidence))
+
+    assert "robots behind it: robot_3, robot_4" in mail
+    assert "Robots behind it cannot be reached, and cause no mails of their own." in mail
+    assert "Check the power and the cable of the access point or router." in mail
+
+
+def test_the_mail_of_a_test_says_that_it_is_one(render, part):
+    labels = {**CRITICAL, "alertname": "RosDiagnosticsTest"}
+    firing, over = data("firing", labels), data("resolved", labels)
+    assert render("email.subject", firing) == "** TEST ** f/r1: this is only a test"
+    assert render("email.subject", over) == "** TEST ** f/r1: the test has ended"
+    assert "Nothing is wrong." in render(f"email.{part}", firing)
+    assert "The test of the notifications about r1 has ended." in render(f"email.{part}", over)
+
+
+def test_names_of_any_script_have_threads_of_their_own(render):
+    names = ("电机 1", "电机 2", "Двигатель 1", "Motor <1>", "Motor 1")
+    threads = [
+        render("email.thread", data("firing", {**CRITICAL, "component": name})) for name in names
+    ]
+
+    assert len(set(threads)) == len(names)
+    for thread in threads:
+        assert re.fullmatch(r"<[A-Za-z0-9.%+_-]+@ros-diagnostics>", thread)
+    long = {**CRITICAL, "robot": "机" * 128, "component": "x" * 300}
+    assert len(render("email.thread", data("firing", long))) < 960
 
 
 DURATIONS = [
