@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from ros_diagnostics_exporter.texts import nearest
-
 NO = 1  # not done, or the answer is no: not known, not the same, out of date
 USAGE = 2  # wrong arguments, or a file that is not right
 UNREACHABLE = 3  # a server does not answer
@@ -18,14 +14,3 @@ class NotDoneError(Exception):
 
 class UnusableError(Exception):
     """A file that is not what it should be; the text names it."""
-
-
-def no_robot(name: str, names: Iterable[str]) -> NotDoneError:
-    """There is no such robot; one with a similar name is named."""
-    return NotDoneError(f"no robot {name!r}{hint(name, names)}")
-
-
-def hint(name: str, names: Iterable[str]) -> str:
-    """The name that was meant, perhaps; "" if none is similar."""
-    near = nearest(name, names)
-    return f"; the nearest is {near!r}" if near else ""

@@ -63,7 +63,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
             "times",
             "yaml_nodes",
         ),
-        ("servers",),
+        ("names", "servers"),
         ("ask", "autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
         ("mail_server",),
         ("check_nagios", "commands"),

@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.silences import Alert, Kind, Silence, valid
 from ros_diagnostics_exporter.texts import escape, one_line
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import meant
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
@@ -220,22 +221,13 @@ def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
 
 
 def _meant(known: Sequence[Acknowledgeable], wanted: WantedProblem) -> list[Acknowledgeable]:
-    """Those of the component whose name lost blanks when it was copied, or of the only match."""
+    """Those of the component or check whose name is written shorter, or was copied."""
     if not (wanted.robot and wanted.component):
         return []
-    word = _folded(wanted.component)
     of_robot = [each for each in known if each.labels.get("robot") == wanted.robot]
-    names = {each.labels.get("component") or each.labels.get("check", "") for each in of_robot}
-    near = [name for name in names if word == _folded(name)]
-    near = near or [name for name in names if word in _folded(name)]
-    if len(near) != 1:
-        return []
-    meant = wanted._replace(component=near[0])
-    return [each for each in of_robot if is_wanted(each, meant)]
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.casefold().split())
+    names = (each.labels.get("component") or each.labels.get("check", "") for each in of_robot)
+    named = wanted._replace(component=meant(wanted.component, names))
+    return [each for each in of_robot if is_wanted(each, named)]
 
 
 def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:

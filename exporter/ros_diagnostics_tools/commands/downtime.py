@@ -33,7 +33,8 @@ from ros_diagnostics_exporter.silences import (
     valid,
 )
 from ros_diagnostics_exporter.texts import escape, one_line, printable
-from ros_diagnostics_tools.errors import NotDoneError, hint, no_robot
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import hint, meant, no_robot
 from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
@@ -177,9 +178,9 @@ def _plan(
     servers: Servers, fleet: str | None, wanted: WantedDowntime, planned: Downtime
 ) -> list[Planned]:
     """Plan it for each robot; wait until the exporter follows where it holds now."""
-    exporter, checked = servers.exporter, True
+    exporter, checked, component = servers.exporter, True, wanted.component
     try:
-        fleet, robots = _known(exporter, fleet, wanted)
+        fleet, robots, component = _known(exporter, fleet, wanted)
     except UnreachableError as error:
         if fleet is None or wanted.labels:
             hint = "name it with --url" + ("" if wanted.labels else "; or the fleet with --fleet")
@@ -187,7 +188,7 @@ def _plan(
         robots, checked = [wanted.robot], False
     done = []
     for robot in robots:
-        each = planned._replace(robot=robot, component=wanted.component)
+        each = planned._replace(robot=robot, component=component)
         done.append(Planned(_make(servers.alertmanager, fleet, each), fleet, each))
     if not checked:
         note = f"not checked: no exporter answers at {exporter.url}"
@@ -200,8 +201,10 @@ def _plan(
     return done
 
 
-def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple[str, list[str]]:
-    """The fleet and the robots that are meant.
+def _known(
+    exporter: Client, fleet: str | None, wanted: WantedDowntime
+) -> tuple[str, list[str], str]:
+    """The fleet, the robots and the component that are meant.
 
     Raises:
         NotDoneError: The exporter does not know the fleet, the robot or the component.
@@ -216,10 +219,11 @@ def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple
         names = [each["robot"] for each in exporter.fleet()["robots"]]
         raise no_robot(wanted.robot, names)
     names = [each["component"] for each in found[0]["components"]]
-    if wanted.component and wanted.component not in names:
-        near = hint(wanted.component, names)
-        raise NotDoneError(f"{wanted.robot} has no component {wanted.component!r}{near}")
-    return known["fleet"], [each["robot"] for each in found]
+    component = meant(wanted.component, names) if wanted.component else ""
+    if component and component not in names:
+        near = hint(component, names)
+        raise NotDoneError(f"{wanted.robot} has no component {component!r}{near}")
+    return known["fleet"], [each["robot"] for each in found], component
 
 
 def _make(client: Client, fleet: str, planned: Downtime) -> str:
@@ -248,13 +252,13 @@ def _cancel(servers: Servers, fleet: str | None, wanted: WantedDowntime) -> list
     planned = _planned(servers.alertmanager, fleet)
     robots = {wanted.robot}
     if wanted.labels:
-        fleet, found = _known(servers.exporter, fleet, wanted)
+        fleet, found, _ = _known(servers.exporter, fleet, wanted)
         planned, robots = [each for each in planned if each.fleet == fleet], set(found)
-    done = [
-        each
-        for each in planned
-        if each.downtime.robot in robots and each.downtime.component == wanted.component
-    ]
+    planned_here = [each for each in planned if each.downtime.robot in robots]
+    component = wanted.component
+    if component:
+        component = meant(component, (each.downtime.component for each in planned_here))
+    done = [each for each in planned_here if each.downtime.component == component]
     if not done:
         names = ", ".join(_name(each) for each in planned) or "none"
         raise NotDoneError(f"no downtime is planned for {str(wanted)!r}; planned: {names}")

@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 import click
 
 from ros_diagnostics_exporter.texts import one_line
-from ros_diagnostics_tools.errors import hint
+from ros_diagnostics_tools.names import hint, meant
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
@@ -29,8 +29,11 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
 
     It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
     """
-    query = {"robot": robot} if component is None else {"robot": robot, "component": component}
     known = servers.exporter.fleet((robot,))["robots"]
+    if component:
+        names = (each["component"] for of in known for each in of["components"])
+        component = meant(component, names, by_part=False)
+    query = {"robot": robot} if component is None else {"robot": robot, "component": component}
     found = servers.exporter.post(f"/-/forget?{urlencode(query)}", {})
     if output == "json":
         print_json(found)

@@ -10,7 +10,8 @@ from urllib.parse import urlencode
 import click
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_tools.errors import NotDoneError, no_robot
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 from ros_diagnostics_tools.times import Duration

@@ -13,7 +13,7 @@ from rich.text import Text
 from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line
-from ros_diagnostics_tools.errors import no_robot
+from ros_diagnostics_tools.names import meant, no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
 from ros_diagnostics_tools.times import Moment
@@ -36,6 +36,11 @@ def command(
 ) -> None:
     """Explain who was notified of the faults of ROBOT, or of its COMPONENT, or why nobody was."""
     moment = None if at is None else str(at.timestamp())
+    if component:
+        known = servers.exporter.fleet((robot,))["robots"]
+        component = meant(
+            component, (each["component"] for of in known for each in of["components"])
+        )
     query = {"robot": robot, "component": component, "at": moment}
     path = f"/api/v1/why?{urlencode({key: text for key, text in query.items() if text})}"
     try:
