@@ -24,7 +24,11 @@ from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
 from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
-from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
+from ros_diagnostics_exporter.robots.rejections import (
+    MAX_REJECTED,
+    FleetRejectionReason,
+    FleetRejections,
+)
 from ros_diagnostics_exporter.robots.robot import RobotState, accepts
 
 NEWCOMERS_SHARE = 2  # they may have the half of all series
@@ -240,12 +244,12 @@ class RobotRegistry:
         self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
 
     def _add_found(self, arrays: Iterable[Topic], any_type: Iterable[Topic], now: Instant) -> None:
-        """Add the robots of these topics until as many are rejected as there may be.
+        """Add the robots of these topics, until as many are rejected as are known to be.
 
-        Somebody may offer 100,000, and for each one more no robot is heard for as long. ``arrays``
-        are topics of diagnostics, ``any_type`` all, by which robots without diagnostics are found.
+        Somebody may offer 100,000, and while they are looked at no robot is heard. ``arrays`` are
+        topics of diagnostics, ``any_type`` all, by which robots without diagnostics are found.
         """
-        left = self._fleet.limits.robots
+        left = MAX_REJECTED
         for discovery in self._fleet.discoveries:
             for topic in any_type if discovery.source is config.Source.NONE else arrays:
                 if topic not in self.bindings and not self._discover(discovery, topic, now):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits
+from ros_diagnostics_exporter.fleet import registry
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, StateDriver
 
@@ -101,16 +102,13 @@ def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
     assert sorted(playing.invented()) == ["a", "b", "c"]
 
 
-def test_a_look_at_the_graph_tries_no_more_topics_than_there_may_be_robots():
+def test_a_look_at_the_graph_ends_where_very_many_are_rejected(monkeypatch):
+    monkeypatch.setattr(registry, "MAX_REJECTED", 100)
     driver = StateDriver(fleet=replace(FLEET, limits=Limits(robots=50)))
     offered = {topic(f"x{number}").name: Endpoint(1) for number in range(5_000)}
     driver.state.update_graph(0, offered, driver.now)
-    assert driver.state.rejected["robot_limit"] <= 50
-
-    names = {topic(f"x{number}").name: Endpoint(1) for number in range(40)}
-    driver = StateDriver(fleet=replace(FLEET, limits=Limits(robots=50)))
-    driver.state.update_graph(0, names, driver.now)
-    assert len(driver.state.robots) == 40
+    assert len(driver.state.robots) == 50
+    assert driver.state.rejected["robot_limit"] == 100
 
 
 def test_newcomers_may_have_half_of_the_series_and_leave_the_others_to_those_that_are_known():
