@@ -14,18 +14,16 @@ from support.shipped_rules import ROOT
 from support.state_driver import ERROR, OK, WARN, StateDriver
 
 PAGE = (ROOT / "docs/robots-without-diagnostics.md").read_text("utf-8")
-FIRST, ARM, CREATE, _FOUND = re.findall("^```yaml\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-(SAFETY,) = re.findall("^```text\n(uint8.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+FIRST, ARM, CREATE = re.findall("^```yaml\n(fleet:.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 UR = "ur_dashboard_msgs/msg/SafetyMode"
 BATTERY, JOINTS = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/JointState"
 DEFINITIONS = {
-    UR: SAFETY,
+    UR: "uint8 NORMAL=1\nuint8 PROTECTIVE_STOP=3\nuint8 mode\n",
     "irobot_create_msgs/msg/DockStatus": (
         "std_msgs/Header header\nbool dock_visible\nbool is_docked\n"
     ),
     "irobot_create_msgs/msg/HazardDetection": (
-        "uint8 BACKUP_LIMIT=0\nuint8 BUMP=1\nuint8 CLIFF=2\nuint8 STALL=3\nuint8 WHEEL_DROP=4\n"
-        "uint8 OBJECT_PROXIMITY=5\nstd_msgs/Header header\nuint8 type\n"
+        "uint8 BUMP=1\nuint8 WHEEL_DROP=4\nstd_msgs/Header header\nuint8 type\n"
     ),
     "irobot_create_msgs/msg/HazardDetectionVector": (
         "std_msgs/Header header\nHazardDetection[] detections\n"

@@ -139,3 +139,59 @@ def test_a_type_of_which_nothing_is_known_says_what_to_do():
         TYPES.find("mir_msgs/msg/State")
     with pytest.raises(UnknownTypeError, match="is not the name of a type"):
         TYPES.find("../../etc/passwd")
+
+
+def test_devices_in_arrays_of_arrays_are_told_apart_by_their_own_names(tmp_path):
+    """As control_msgs/HardwareStatus has them: without a state a device has no value."""
+    folder = tmp_path / "plant_msgs"
+    folder.mkdir()
+    (folder / "Status.msg").write_text("Device[] devices\n")
+    (folder / "Device.msg").write_text("string device_id\nState[] states\n")
+    constants = "uint8 HEALTH_OK=1\nuint8 HEALTH_ERROR=4\nuint8 MODE_AUTO=1\nuint8 MODE_JOG=4\n"
+    fields = "uint8 health_status\nuint8 operational_mode\n"
+    (folder / "State.msg").write_text(constants + fields)
+    found = MessageTypes(tmp_path).find("plant_msgs/msg/Status")
+    names = [b"left\0\0\0\0", b"lift\0\0\0\0", b"arm\0"]
+    sizes, states = [5, 5, 4], [b"\1\0\0\0\1\4\0\0", b"\1\0\0\0\4\1\0\0", b"\0\0\0\0"]
+    parts = zip(sizes, names, states, strict=True)
+    data = b"".join(bytes((size, 0, 0, 0)) + name + state for size, name, state in parts)
+    message = found.decode(b"\0\1\0\0\3\0\0\0" + data)
+    health = "devices[device_id].states[0].health_status"
+    mode = "devices[device_id].states[0].operational_mode"
+    given = {"field": health, "levels": {"OK": "OK", "nan": "OK"}}
+    fields = {"fields": {health: "Health", mode: "Mode"}}
+    entry = validated(TopicEntry, {"topic": "t", "component": "C", **given, **fields})
+
+    status = status_of(entry, message, found.constants)
+
+    assert (status.level, status.message) == (
+        Level.ERROR,
+        "Health lift is ERROR; no value: Health arm, Mode arm",
+    )
+    assert dict(status.values) == {
+        "Health left": "OK",
+        "Mode left": "JOG",
+        "Health lift": "ERROR",
+        "Mode lift": "AUTO",
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "value", "word"),
+    [
+        # As mir_msgs/RobotMode has them, and ur_dashboard_msgs/RobotMode.
+        ("uint8 ROBOT_MODE_MISSION = 7", "uint8 robot_mode", 7, "MISSION"),
+        ("int8 NO_CONTROLLER=-1\nint8 RUNNING=7", "int8 mode", 255, "NO_CONTROLLER"),
+        ("uint8 A=1\nuint8 B=1", "uint8 mode", 1, "1"),  # which of both is not known
+    ],
+)
+def test_a_mode_has_the_name_of_its_constant(tmp_path, kind, field, value, word):
+    folder = tmp_path / "mode_msgs"
+    folder.mkdir()
+    (folder / "Mode.msg").write_text(f"{kind}\n{field}  # one of these\n")
+    found = MessageTypes(tmp_path).find("mode_msgs/msg/Mode")
+    name = field.split()[1]
+    entry = validated(TopicEntry, {"topic": "t", "component": "C", "field": name})
+
+    message = found.decode(bytes((0, 1, 0, 0, value)))
+    assert status_of(entry, message, found.constants).values == ((name, word),)
