@@ -170,7 +170,8 @@ def short_names(robot: dict[str, Any]) -> dict[str, str]:
 
     "motors: Motor 2" is "Motor 2", unless the robot has "arm: Motor 2" as well.
     """
-    found = [each for each in (*robot["components"], *robot["problems"]) if each["component"]]
+    of_problems = (each for each in robot["problems"] if each["component"])
+    found = [*robot["components"], *of_problems]
     names = {component_path(each): each["component"] for each in found}
     rests = Counter(map(rest_of, names.values()))
     whole = Counter(names.values())
