@@ -15,6 +15,7 @@ import mail_pictures
 import metrics_reference
 import mixin
 import prometheus_operator
+import runbook_pages
 import versions
 from bench import scaling
 from experiments import silent_report
@@ -38,6 +39,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "reference of commands": commands_reference.files,
     "paths of the port": api_reference.files,
     "rules for Kubernetes": prometheus_operator.files,
+    "pages of runbooks": runbook_pages.files,
     "dashboards": dashboards,
     "mixin": mixin.files,
     "tables of docs/scaling.md": scaling.files,

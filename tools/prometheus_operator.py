@@ -21,7 +21,7 @@ BASE = CHECKOUT / "packaging" / "kubernetes" / "rules" / "rules.yaml"
 SERVERS = (
     "servers"  # the rules about Prometheus and Alertmanager, which such sites watch themselves
 )
-RUNBOOKS = "http://localhost:9090/user/alerts"  # as site.runbooks_url of the mails
+RUNBOOKS = "http://localhost:9877/runbooks"  # as site.runbooks_url of the mails
 # What of the metrics, how often: as the two jobs of prometheus/prometheus.yml.
 SCRAPES: dict[str, tuple[str, dict[str, list[str]]]] = {
     "ros-diagnostics-faults": ("2s", {"collect[]": ["faults"]}),
@@ -49,7 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--runbooks",
         metavar="URL",
         default=RUNBOOKS,
-        help="where docs/alerts is served, for the runbook_url of each alert; default: %(default)s",
+        help="where the exporter serves the runbooks, for the runbook_url of each alert; "
+        "default: %(default)s",
     )
     options = parser.parse_args(arguments)
     metadata: dict[str, Any] = {"namespace": options.namespace} if options.namespace else {}
@@ -90,7 +91,7 @@ def _with_runbook(rule: dict[str, Any], runbooks: str) -> dict[str, Any]:
     """A copy: in YAML, several alerts share their annotations."""
     if "alert" not in rule:
         return rule
-    url = f"{runbooks.rstrip('/')}/{rule['alert']}.md"
+    url = f"{runbooks.rstrip('/')}/{rule['alert']}.html"
     return {**rule, "annotations": {**rule.get("annotations", {}), "runbook_url": url}}
 
 

@@ -177,11 +177,11 @@ def acknowledge(
 def plan_downtime(
     alertmanager: Alertmanager,
     fleet: str,
-    of: tuple[str, str, float],
+    downtime: tuple[str, str, float],
     person: Person,
     now: float,
 ) -> Event:
-    """Plan a downtime ``of`` a robot and its component ("" for all) for so many seconds from now.
+    """Plan a ``downtime``: a robot, its component ("" for all), and for how many seconds from now.
 
     Returns what was done, as an event.
 
@@ -189,7 +189,7 @@ def plan_downtime(
         LookupError: One that is planned already covers it.
         UnreachableError: No Alertmanager answers.
     """
-    robot, component, seconds = of
+    robot, component, seconds = downtime
     for each in alertmanager.silences(fleet):
         known = downtime_of(each, fleet)
         if known is None or known[:2] not in {(robot, ""), (robot, component)}:
@@ -206,17 +206,17 @@ def plan_downtime(
 def cancel_downtime(
     alertmanager: Alertmanager,
     fleet: str,
-    of: tuple[str, str, float],
+    downtime: tuple[str, str, float],
     person: Person,
     now: float,
 ) -> Event:
-    """End the downtimes ``of`` a robot and its component that last until then; what was done.
+    """End a ``downtime``: of a robot and its component, until then; what was done.
 
     Raises:
         LookupError: There is none (any more).
         UnreachableError: No Alertmanager answers.
     """
-    robot, component, until = of
+    robot, component, until = downtime
     known = [
         each.id
         for each in alertmanager.silences(fleet)

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, severity_of
 from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment
 
-EVIDENCE_LENGTH = 512
+EVIDENCE_LENGTH = 640
 # The others are the robot's own.
 _OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}
 

@@ -164,7 +164,7 @@ class Client:
             finally:
                 connection.close()
         except (OSError, ValueError, http.client.HTTPException) as error:
-            raise UnreachableError(f"{url}: {error or type(error).__name__}") from error
+            raise UnreachableError(f"{url}: {_reason(error)}") from error
 
     def _connection(self, url: str) -> tuple[_Connection, str]:
         """A connection to the server, and what to ask it for."""
@@ -281,6 +281,13 @@ def _read(response: http.client.HTTPResponse, url: str, limit: int) -> bytes:
     if response.length:  # bytes are missing; only read() would have noticed
         raise http.client.IncompleteRead(b"".join(chunks), response.length)
     return b"".join(chunks)
+
+
+def _reason(error: Exception) -> str:
+    """Why there is no answer, without the number of an error of the network."""
+    if isinstance(error, (ConnectionError, socket.gaierror)) and error.strerror:
+        return error.strerror
+    return str(error) or type(error).__name__
 
 
 def _beginning(response: http.client.HTTPResponse) -> bytes:

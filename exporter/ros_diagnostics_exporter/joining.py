@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
+from ros_diagnostics_exporter.comparing import Comparing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Domain, Instant, place
@@ -35,7 +37,14 @@ class Joining:
         self._state, self._listener, self._sources = state, listener, sources
         self._configured = threading.Event()  # anew; its domains are not joined yet
         self._join_at = 0.0  # what could not be joined, monotonic
-        self.loop = Loop("domains", INTERVAL, self.turn)
+        self.loop = Loop("domains", INTERVAL, self.turn, end=self._end)
+
+    @cached_property
+    def _comparing(self) -> Comparing:
+        return Comparing(self._state, self._listener)
+
+    def _end(self) -> None:
+        self._comparing.stop()
 
     def configured(self) -> None:
         """Note that there is another config; it is followed soon."""
@@ -78,8 +87,8 @@ class Joining:
         """The domains to be joined anew, and why.
 
         Of one in which all robots have fallen silent nobody knows whether it is the robots; but a
-        participant that has lost the network is healed by nothing else. Not of a single robot: it
-        is found later by another participant than by the one that knows it.
+        participant that has lost the network is healed by nothing else, and another one receives
+        nothing either while the network is away. Of fewer robots it is known by comparing.
         """
         joined, received = self._listener.joined_at, self._state.received_since
         silent = {
@@ -87,11 +96,12 @@ class Joining:
             for domain, at in joined.items()
             if now.mono >= at + LEAST and is_deaf(received(domain, at))
         }
-        return silent | dict.fromkeys(self._listener.find_outdated(), MOVED)
+        outdated = dict.fromkeys(self._listener.find_outdated(), MOVED)
+        return {**self._comparing.find_deaf(now), **silent, **outdated}
 
     def _leave(self, domains: Mapping[Domain, str], now: Instant) -> None:
         for domain_id, why in domains.items():
             log.warning("%s is joined anew: %s", place(domain_id), why)
-            if why == MOVED:  # so that the silence of its robots is none of theirs
+            if why != SILENT:  # so that the silence of its robots is none of theirs
                 self._state.domain_failed(domain_id, f"it is joined anew: {why}", now)
         self._listener.leave(domains)

@@ -165,6 +165,11 @@ class Endpoint(NamedTuple):
     is_cut_off: bool = False
     refused: str = ""
 
+    @property
+    def is_offered(self) -> bool:
+        """Whether anybody publishes it, of whatever type."""
+        return bool(self.publishers or self.wrong_type)
+
 
 class Person(NamedTuple):
     """Who acts by a form: the user that has logged in, why, and from which address."""

@@ -114,7 +114,7 @@ class SelfCheck:
             if count > self._rejected.get(reason, 0):
                 self._rejected[reason], self._rejected_at[reason] = count, now.mono
         recent = [each for each, at in self._rejected_at.items() if now.mono - at < RECENT]
-        why = f"messages of no robot that the fleet may have ({', '.join(sorted(recent))})"
+        why = f"messages of no known robot were rejected ({', '.join(sorted(recent))})"
         is_known = bool(recent) or now.mono - self._started.mono > RECENT
         wrong = bool(recent)
         return _warning("rejections", why, is_wrong=wrong, is_known=is_known, confirm_after=0.0)

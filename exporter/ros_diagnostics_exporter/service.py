@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.alertmanager import Alertmanager, explained
 from ros_diagnostics_exporter.api import fault_history, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.missions import missions
-from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
+from ros_diagnostics_exporter.api.occurrences import history
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -205,7 +205,10 @@ class Service:
     def _make_recordings(self, database: Path, config_file: Path) -> FaultRecordings:
         folder = database.with_name(f"{database.stem}.recordings")
         settings = self.state.fleet.recordings
-        recordings = FaultRecordings(folder, config_file, self.state.topics_of, settings=settings)
+        state = self.state
+        recordings = FaultRecordings(
+            folder, config_file, state.topics_of, settings=settings, definition=state.definition
+        )
         self.state.recorder = recordings.rings.receive
         return recordings
 
@@ -294,7 +297,7 @@ class Service:
             loop.stop(max(0.0, deadline - time.monotonic()))
         hangs = not self._storage_loop.stop(self.GRACE)
         if hangs:
-            log.error("the state is not written a last time: the disk of the database hangs")
+            log.error("could not save the state before the exit: the disk does not respond")
         else:
             self._save(at_once=True)  # leaving many subscriptions takes long, and we may be killed
         for source in self._sources:
@@ -398,21 +401,6 @@ class Service:
         """How the goals of a robot, or of all, ended, as /api/v1/missions; LookupError if none."""
         return missions(self.state, robot, read_clocks())
 
-    def story(self, robot: str) -> dict[str, Any]:
-        """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""
-        self._record_events()
-        now = read_clocks()
-        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        since = max(now.wall - WEEK, self._events_since() or now.wall)
-        events, since = recorded(self._find, robot, since)
-        return {
-            "fleet": self.state.fleet.name,
-            "robot": robot,
-            "time": now.wall,
-            "since": since,
-            "sentences": story(events, known, now.wall, since),
-        }
-
     def notified(self, body: bytes) -> tuple[int, int]:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
         message, now = parse(body), read_clocks()
@@ -444,12 +432,12 @@ class Service:
         """End a downtime that a person planned, as Backend says."""
         self._act(cancel_downtime, (robot, component, until), person)
 
-    def _act(self, do: Callable[..., Event], of: Any, person: Person) -> None:
+    def _act(self, do: Callable[..., Event], about: Any, person: Person) -> None:
         """Do it, record it, and read the silences anew."""
         if self.alertmanager is None:
             raise ConnectionError("the exporter runs without --alertmanager.url")
         try:
-            event = do(self.alertmanager, self.state.fleet.name, of, person, read_clocks().wall)
+            event = do(self.alertmanager, self.state.fleet.name, about, person, read_clocks().wall)
         except UnreachableError as error:
             raise ConnectionError(f"Alertmanager does not answer: {error}") from error
         log.info("%s by %s: %s", event.after, event.author, event.message)

@@ -29,7 +29,7 @@ COLOURS = {
 }
 # Why a problem is suppressed; maintenance is shown with its end, a condition in its words.
 SUPPRESSED = {
-    "no_data": "nothing fresh is known",
+    "no_data": "no recent data",
     "robot_silent": "the robot is silent",
     "unreachable": "the robot's uplink or its DDS domain fails",
     "maintenance": "maintenance",
@@ -158,7 +158,7 @@ def level_text(component: dict[str, Any]) -> str:
 
 
 def shown_problems(
-    of: dict[str, Any], now: float, limit: int, *, local: bool = False
+    owner: dict[str, Any], now: float, limit: int, *, local: bool = False
 ) -> tuple[list[ShownProblem], int]:
     """The problems of a robot, or those of the whole fleet: the worst ones, and how many there are.
 
@@ -166,37 +166,37 @@ def shown_problems(
     silent robot's components, which say no more than its silence.
 
     Args:
-        of: The robot or the fleet.
+        owner: The robot or the fleet.
         now: When the fleet was as given, Unix time.
         limit: How many problems are returned at most.
         local: Whether times are those of this machine's time zone; else UTC.
     """
-    if not of["problems"]:
+    if not owner["problems"]:
         return [], 0
-    found = list(_without_milder(of["problems"]))
+    found = list(_without_milder(owner["problems"]))
     found.sort(
         key=lambda each: (
             -SEVERITIES[problem_state(each)],
-            standing(each, now, of, local=local),
+            standing(each, now, owner, local=local),
             natural(subject(each)),
         )
     )
-    return shown_as_they_are(found[:limit], of, now, local=local), len(found)
+    return shown_as_they_are(found[:limit], owner, now, local=local), len(found)
 
 
 def shown_as_they_are(
-    problems: Iterable[dict[str, Any]], of: dict[str, Any], now: float, *, local: bool = False
+    problems: Iterable[dict[str, Any]], owner: dict[str, Any], now: float, *, local: bool = False
 ) -> list[ShownProblem]:
     """These problems of a robot, or of the whole fleet; arguments as for `shown_problems`."""
-    components = {(each["group"], each["component"]): each for each in of.get("components", ())}
-    checks = {each["check"]: each for each in of.get("short_checks", ())}
+    components = {(each["group"], each["component"]): each for each in owner.get("components", ())}
+    checks = {each["check"]: each for each in owner.get("short_checks", ())}
     return [
         ShownProblem(
             problem_state(each),
             subject(each),
-            standing(each, now, of, local=local),
+            standing(each, now, owner, local=local),
             each["since"],
-            _message(each, of, components.get((each["group"], each["component"])), checks),
+            _message(each, owner, components.get((each["group"], each["component"])), checks),
             each,
             notice(each, now),
         )
@@ -263,20 +263,20 @@ def part_path(part: dict[str, Any]) -> str:
 
 
 def standing(
-    problem: dict[str, Any], now: float, of: dict[str, Any], *, local: bool = False
+    problem: dict[str, Any], now: float, owner: dict[str, Any], *, local: bool = False
 ) -> str:
     """Whether a problem is confirmed, and else when it may be, or why it is suppressed.
 
-    ``of`` is the robot, or the fleet; ``local`` as for `shown_problems`.
+    ``owner`` is the robot, or the fleet; ``local`` as for `shown_problems`.
     """
     reason = problem["suppressed"]
     suppressed = SUPPRESSED.get(reason, reason)
     if reason == "maintenance":
-        suppressed = maintenance_text(of, now, component=problem["component"], local=local)
+        suppressed = maintenance_text(owner, now, component=problem["component"], local=local)
     if problem.get("because"):
         suppressed = f"{suppressed}, {problem['because']}"
     if problem["confirmed"] is not None:
-        return f"confirmed; healthy again, still open: {suppressed}" if suppressed else "confirmed"
+        return f"recovered; it stays open: {suppressed}" if suppressed else "confirmed"
     if suppressed:
         return f"suppressed: {suppressed}"
     left = math.ceil(problem["due"] - now)
@@ -284,16 +284,16 @@ def standing(
 
 
 def maintenance_text(
-    of: dict[str, Any], now: float, *, component: str = "", local: bool = False
+    owner: dict[str, Any], now: float, *, component: str = "", local: bool = False
 ) -> str:
     """Until when a robot or one of its components is in maintenance, who planned it and why.
 
     As "maintenance until 18:00 UTC (ann: new battery)".
     """
-    planned = [each for each in of.get("downtimes", ()) if each["component"] in ("", component)]
+    planned = [each for each in owner.get("downtimes", ()) if each["component"] in ("", component)]
     ends = [each["until"] for each in planned]
-    if of["maintenance"]:
-        ends.append(math.inf if of["maintenance_until"] is None else of["maintenance_until"])
+    if owner["maintenance"]:
+        ends.append(math.inf if owner["maintenance_until"] is None else owner["maintenance_until"])
     end = max(ends, default=math.inf)
     until = "" if end == math.inf else f" until {clock(end, now, local=local, seconds=False)}"
     who = "; ".join(f"{each['author']}: {each['comment']}" for each in planned)
@@ -337,7 +337,7 @@ def _notified(problem: dict[str, Any], now: float) -> str:
 
 def _message(
     problem: dict[str, Any],
-    of: dict[str, Any],
+    owner: dict[str, Any],
     component: dict[str, Any] | None,
     checks: dict[str, dict[str, Any]],
 ) -> str:
@@ -353,7 +353,7 @@ def _message(
         short = checks[problem["check"]]
         return f"finds {short['found']} of {short['expected']}"
     if scope == "robot" and state in {"silent", "pending"}:
-        known = silent_text(of["silent_reason"]) or str(problem["evidence"])
+        known = silent_text(owner["silent_reason"]) or str(problem["evidence"])
         return (
             known
             if problem["suppressed"] != "restart"

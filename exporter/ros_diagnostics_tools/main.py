@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -28,22 +30,21 @@ PROGRAM = "ros-diagnostics"
 # Subcommand -> what it does. A module is imported when its subcommand is used: completion is quick.
 COMMANDS = {
     "status": "Show the fleet: each robot's state and problems.",
-    "why": "Show why somebody was notified of a robot's faults, or nobody.",
-    "story": "Show what failed of a robot in a week, in sentences.",
+    "why": "Explain who was notified of a robot, or why nobody was.",
     "history": "Show what happened to a robot.",
     "report": "Write or mail the weekly report of a fleet.",
     "capabilities": "Show what a robot can do, and what it would lose next.",
     "missions": "Show whether robots do their work.",
-    "faults": "List the faults that last.",
+    "faults": "List the present faults.",
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",
     "forget": "Remove a robot or a component that is gone for good.",
-    "watch": "Expect of a robot what the ROS graph shows of it now.",
+    "watch": "Accept a robot's present nodes and topics as expected.",
     "oncall": "Who is on call: build, check and show the rota.",
-    "backtest": "Judge recordings: what would have been notified?",
-    "import": "Make fleet.yml of Autoware's diagnostic graph.",
+    "backtest": "Replay recordings: what would have been notified?",
+    "import": "Create a fleet.yml from Autoware's diagnostic graph.",
     "mail-relay": "Attach recordings to Alertmanager's mails.",
-    "nagios": "Come from Nagios: import its files, compare its log.",
+    "nagios": "Migrate from Nagios: import its files, compare notifications.",
     "check-config": "Check fleet.yml.",
     "mcp": "Answer an assistant's questions about the fleet, read only.",
     "test-page": "Send a test alert through the real routes.",
@@ -118,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(error, NO)
     except UnreachableError as error:
         # A server that answers with an error has been reached: it does not know, or refuses.
-        return _fail(error, NO if isinstance(error, AnsweredError) else UNREACHABLE)
+        return _fail(_in_words(error), NO if isinstance(error, AnsweredError) else UNREACHABLE)
     except OSError as error:
         return _fail(error, NO)
 
@@ -134,7 +135,26 @@ def _run(arguments: list[str] | None) -> int:
     return int(code or 0)
 
 
-def _fail(error: Exception, code: int) -> int:
+def _in_words(error: UnreachableError) -> str:
+    """What the server says is wrong, or what to do about one that does not answer."""
+    if isinstance(error, AnsweredError):
+        said = _error_of(error.body)
+        return f"{said} ({error})" if said else str(error)
+    if isinstance(error.__cause__, (ConnectionError, TimeoutError, socket.gaierror)):
+        return f"cannot reach {error}. Does it run? Other addresses: --url, --alertmanager"
+    return str(error)
+
+
+def _error_of(body: bytes) -> str:
+    """The text of an error as the exporter answers it; "" if the body is another."""
+    try:
+        answer = json.loads(body)
+    except ValueError:
+        return ""
+    return str(answer.get("error", "")) if isinstance(answer, dict) else ""
+
+
+def _fail(error: Exception | str, code: int) -> int:
     print(f"{PROGRAM}: {printable(str(error))}", file=sys.stderr)  # noqa: T201
     return code
 

@@ -13,6 +13,16 @@ value is its ratio to that.
   7b the same with /api/v1/fleet
   8  the event log is full of long texts; 8 connections ask for all of it and do not read the answer
 
+  history     100 components with long texts change their levels ten times a second, for a minute at
+              least; what is kept is the begin of another robot's fault
+  memory      200 topics with two arrays of 4 MB each; and a minute later
+  recordings  a robot publishes arrays of 0.9 MB, 20 a second; what is kept are the messages in the
+              recording of another robot's fault
+  newcomers   seven robots with new names a second, each for some seconds, for five minutes at least
+
+Each case has bounds. They are printed with what was measured; one that does not hold makes the exit
+code 1.
+
 A scrape that fails counts as one of 10 s, the time-out. The age of a robot's last message is that
 at the end of a scrape. "stops in" is measured while the attack goes on, and at most 10 s, after
 which the exporter is killed.
@@ -25,35 +35,33 @@ import json
 import math
 import os
 import resource
+import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
-from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
+from bench.attacks import (
+    ATTACKS,
+    HOSTILE,
+    OF_ZENOH,
+    ROBOTS,
+    SETTLE,
+    Attack,
+    Attacked,
+    is_hostile,
+    robots_up,
+)
+from bench.beside import Beside, private_megabytes
+from bench.scraper import TIMEOUT, Scrape, ScrapeError
 from bench.sim import cpu_seconds
-from bench.site import BenchSite, running
-from testbed.polling import until
+from bench.site import running
 from testbed.processes import Process
 
-ROBOTS = 20
-HOSTILE = "hostile"
-EVENTS = 10_000  # that the event log keeps
-SETTLE = 60.0  # seconds that anything may take to begin
+CONFIG = "profiles: {default: {confirm_after: 2s}}\n"  # of the robot that has a fault
+CALM = Attack("no attack", ())
 MOST_MEMORY = 6000.0  # MB of the exporter at which a case ends early
-
-
-@dataclass(frozen=True)
-class Attack:
-    """What the attacker is (the arguments of an actor), and what has to be so before it begins."""
-
-    what: str
-    actor: tuple[str, ...]
-    prepare: Callable[[Attacked], None] | None = None
-    reports: int = 1  # that the actor has written when the attack counts as begun
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,10 @@ class Result:
     scraped: float
     p50: float
     p99: float
-    memory: float
+    faults_p99: float
+    memory: float  # that is the exporter's alone, at most
+    memory_after: float
+    kept: float
     cpu: float
     stop: float
     scrapes: int
@@ -86,112 +97,43 @@ COLUMNS = (  # of the table: title, field of Result, format
     ("scraped", "scraped", "{:.0%}"),
     ("p50 ms", "p50", "{:.0f}"),
     ("p99 ms", "p99", "{:.0f}"),
-    ("RSS MB", "memory", "{:.0f}"),
+    ("faults p99", "faults_p99", "{:.0f}"),
+    ("memory MB", "memory", "{:.0f}"),
+    ("and after", "memory_after", "{:.0f}"),
+    ("kept", "kept", "{:.0%}"),
     ("CPU s/s", "cpu", "{:.2f}"),
     ("stops in s", "stop", "{:.1f}"),
 )
 
 
-class Attacked:
-    """A fresh exporter, its fleet, and what attacks it."""
-
-    def __init__(self, site: BenchSite, seconds: float) -> None:
-        self._site = site
-        self._seconds = seconds
-        self.exporter = site.start(site.exporter).process
-        self.address = site.exporter.address
-        self.scraper = site.use(closing(Scraper(self.address)))
-        self.fleet = self.start_actor("fleet", "WHERE", str(ROBOTS))
-
-    def start_actor(self, kind: str, *arguments: str) -> Process:
-        """Start one of `bench.actors`; WHERE and PORT are replaced by this site's."""
-        places = {"WHERE": self._site.where, "PORT": self.address.rpartition(":")[2]}
-        named = [places.get(argument, argument) for argument in arguments]
-        return self._site.start_actor(kind, *named, seconds=self._seconds)
-
-    def wait_until_ready(self) -> None:
-        """Wait until each robot of the fleet is up."""
-        self._site.exporter.wait_until_ready(SETTLE)
-        self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
-
-    def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:
-        """Scrape until a scrape succeeds and shows the condition."""
-
-        def shown() -> bool:
-            with suppress(ScrapeError):
-                return condition(self.scraper.scrape())
-            return False
-
-        until(shown, what, SETTLE, every=0.5)
-
-    def stop_exporter(self) -> float:
-        """Stop the exporter and return the seconds it took; it is killed after 10."""
-        begin = time.monotonic()
-        self.exporter.stop()
-        return time.monotonic() - begin
-
-
-def fill_event_log(site: Attacked) -> None:
-    """Let a robot flap until the event log is full, as far as the exporter lets it."""
-    flapping = site.start_actor("arrays", "WHERE", "flapping")
-    try:
-        site.wait_for(lambda scrape: scrape.changes.get(HOSTILE, 0) >= EVENTS, "a full event log")
-    except TimeoutError:
-        print("attack 8: the robot could not fill the event log")
-    flapping.stop()
-    site.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up again")
-
-
-ATTACKS = {
-    "1": Attack("276 kB at 60/s", ("arrays", "WHERE", "fast")),
-    "2": Attack("equal keys", ("arrays", "WHERE", "equal-keys")),
-    "3": Attack("2.8 MB at 20/s", ("arrays", "WHERE", "huge")),
-    "4": Attack("ever more robots", ("keys", "WHERE")),
-    "7": Attack("unread /metrics", ("readers", "PORT", "/metrics", "520"), reports=4),
-    "7b": Attack("unread fleet", ("readers", "PORT", "/api/v1/fleet", "520"), reports=4),
-    "8": Attack(
-        "unread events", ("readers", "PORT", f"/api/v1/events?limit={EVENTS}", "8"), fill_event_log
-    ),
-}
-
-
-OF_ZENOH = "4"
-
-
-def is_hostile(robot: str) -> bool:
-    """Whether it is of an attack: the hostile robot, or one that is only offered."""
-    return robot.startswith(HOSTILE)
-
-
-def robots_up(scrape: Scrape) -> int:
-    """How many of the fleet's own robots are up."""
-    return sum(up for robot, up in scrape.up.items() if not is_hostile(robot))
-
-
-def run_case(attack: Attack | None, options: argparse.Namespace) -> Result:
-    """Measure a fresh exporter under the attack, or without one."""
-    lasting = options.seconds + 5 * SETTLE  # after which actors end by themselves
-    with running(zenoh=options.zenoh, seconds=lasting) as bench:
+def run_case(attack: Attack, options: argparse.Namespace) -> Result:
+    """Measure a fresh exporter under the attack."""
+    seconds = max(options.seconds, attack.seconds)
+    lasting = seconds + attack.rest + 5 * SETTLE  # after which actors end by themselves
+    with running(
+        zenoh=options.zenoh, seconds=lasting, more=CONFIG, options=attack.options
+    ) as bench:
         site = Attacked(bench, lasting)
         site.wait_until_ready()
-        attacker = None
-        if attack is not None:
-            if attack.prepare is not None:
-                attack.prepare(site)
-            attacker = site.start_actor(*attack.actor)
-            attacker.wait_for_output(rf"(.*\n){{{attack.reports}}}", SETTLE)
-        return measure(site, attacker, options.seconds)
+        if attack.prepare is not None:
+            attack.prepare(site)
+        return measure(site, attack, seconds)
 
 
-def measure(site: Attacked, attacker: Process | None, seconds: float) -> Result:
+def measure(site: Attacked, attack: Attack, seconds: float) -> Result:
     """Scrape each second for so long, then stop the exporter."""
+    attacker = site.start_actor(*attack.actor) if attack.actor else None
+    if attacker is not None:
+        attacker.wait_for_output(rf"(.*\n){{{attack.reports}}}", SETTLE)
     pid = site.exporter.pid
-    forget_peak_memory(pid)
     cpu, begin = cpu_seconds(pid), time.monotonic()
-    scrapes = scrape_each_second(site, begin + seconds)
+    with Beside(pid, site.address) as beside:
+        scrapes = scrape_each_second(site, begin + seconds)
     cpu = (cpu_seconds(pid) - cpu) / (time.monotonic() - begin)
-    memory = peak_megabytes(pid)
+    kept = math.nan if attack.kept is None else attack.kept(site)
     done = "none" if attacker is None else last_line(attacker)  # before the exporter stops
+    if attack.rest:
+        scrape_each_second(site, time.monotonic() + attack.rest)
     good = [scrape for scrape in scrapes if scrape is not None]
     times = [TIMEOUT if scrape is None else scrape.seconds for scrape in scrapes]
     ages = [age for each in good for robot, age in each.ages.items() if not is_hostile(robot)]
@@ -202,7 +144,10 @@ def measure(site: Attacked, attacker: Process | None, seconds: float) -> Result:
         scraped=len(good) / len(scrapes),
         p50=percentile(times, 0.5) * 1e3,
         p99=percentile(times, 0.99) * 1e3,
-        memory=memory,
+        faults_p99=percentile(beside.faults, 0.99) * 1e3,
+        memory=beside.memory,
+        memory_after=private_megabytes(pid) if attack.rest else math.nan,
+        kept=kept,
         cpu=cpu,
         stop=site.stop_exporter(),
         scrapes=len(scrapes),
@@ -236,11 +181,6 @@ def scrape_each_second(site: Attacked, deadline: float) -> list[Scrape | None]:
 def percentile(values: list[float], part: float) -> float:
     """The nearest rank: of few values the 99th percentile is the largest."""
     return sorted(values)[math.ceil(part * len(values)) - 1]
-
-
-def forget_peak_memory(pid: int) -> None:
-    """Let the peak count from now on (proc(5), clear_refs)."""
-    Path(f"/proc/{pid}/clear_refs").write_text("5")
 
 
 def peak_megabytes(pid: int) -> float:
@@ -281,6 +221,20 @@ def _cell(result: Result, baseline: Result, field: str, form: str) -> str:
     return f"{form.format(value):>10}{times:>7}"
 
 
+def print_bounds(results: dict[str, Result], attacks: dict[str, Attack]) -> bool:
+    """Print a line for each bound, and whether it holds; whether all do."""
+    calm = next(iter(results.values()))
+    print("\nbounds")
+    held = []
+    for name, attack in attacks.items():
+        for bound in attack.bounds:
+            value = getattr(results[name], bound.field)
+            value = value / getattr(calm, bound.field) if bound.calm else value
+            held.append(bound.holds(value))
+            print(f"  {name:<28}{bound}: {value:,.4g}{'' if held[-1] else '   FAILED'}")
+    return all(held)
+
+
 def print_header(seconds: float) -> None:
     """Print what the numbers depend on."""
     load = " ".join(f"{each:.2f}" for each in os.getloadavg())
@@ -300,7 +254,7 @@ def main() -> None:
     parser.add_argument(
         "--attacks",
         type=lambda text: text.split(","),
-        help="which, for example 1,2 (default: all)",
+        help="which, for example 1,memory (default: all)",
     )
     parser.add_argument("--zenoh", action="store_true", help="through a zenoh router")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
@@ -312,14 +266,15 @@ def main() -> None:
     if unknown := set(options.attacks) - set(ATTACKS):
         parser.error(f"no attack {min(unknown)}; there are {', '.join(ATTACKS)}")
     print_header(options.seconds)
-    results = {"no attack": run_case(None, options)}
-    for number in options.attacks:
-        attack = ATTACKS[number]
-        results[f"{number} {attack.what}"] = run_case(attack, options)
+    attacks = {CALM.what: CALM}
+    attacks |= {f"{each} {ATTACKS[each].what}": ATTACKS[each] for each in options.attacks}
+    results = {name: run_case(attack, options) for name, attack in attacks.items()}
     print_table(results)
+    held = print_bounds(results, attacks)
     if options.json is not None:
         cases = {name: asdict(result) for name, result in results.items()}
         options.json.write_text(json.dumps(cases, indent=2) + "\n")
+    sys.exit(not held)
 
 
 if __name__ == "__main__":

@@ -41,14 +41,32 @@ class Line(NamedTuple):
         return (limit - self.fixed) / self.each
 
 
-def line(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
-    """The line through the smallest and the largest fleet; through 0 where it starts below."""
+class Power(NamedTuple):
+    """A cost that grows faster than the number of robots."""
+
+    factor: float
+    exponent: float
+
+    def at(self, robots: float) -> float:
+        """The cost of so many robots."""
+        return self.factor * float(robots**self.exponent)
+
+    def reaches(self, limit: float) -> float:
+        """How many robots cost ``limit``."""
+        return float((limit / self.factor) ** (1 / self.exponent))
+
+
+def line(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line | Power:
+    """The line through the smallest and the largest fleet, or the power where that is below 0."""
     sizes = sorted(map(int, measured))
     low, high = sizes[0], sizes[-1]
     first, last = cost(measured[str(low)]), cost(measured[str(high)])
     each = (last - first) / (high - low) if high > low else first / low
     fixed = first - each * low
-    return Line(fixed, each) if fixed >= 0 else Line(0.0, last / high)
+    if fixed >= 0:
+        return Line(fixed, each)
+    exponent = math.log(last / first) / math.log(high / low)
+    return Power(first / low**exponent, exponent)
 
 
 def of_one(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
@@ -185,10 +203,10 @@ def alerts(numbers: Numbers) -> str:
 class Costs(NamedTuple):
     """Lines of everything that limits."""
 
-    samples: Line
-    rules: Line
-    faults_group: Line
-    alerts: Line
+    samples: Line | Power
+    rules: Line | Power
+    faults_group: Line | Power
+    alerts: Line | Power
 
 
 def costs(numbers: Numbers) -> Costs:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,7 +22,9 @@ discovery:
 class BenchSite(Site):
     """Its exporter finds every robot there, and asks no Alertmanager."""
 
-    def __init__(self, folder: Path, *, zenoh: bool, seconds: float, more: str) -> None:
+    def __init__(
+        self, folder: Path, *, zenoh: bool, seconds: float, more: str, options: Sequence[str]
+    ) -> None:
         """Start the router, if there is one; it lasts for so many seconds."""
         super().__init__(folder)
         self.where = f"tcp/{free_address()}" if zenoh else str(self.domain_id)
@@ -30,8 +32,9 @@ class BenchSite(Site):
         if zenoh:
             found, routers = "zenoh: /", f"zenoh: {{routers: [{self.where}]}}\n"
             self.start_actor("router", self.where, seconds=seconds).wait_for_output("ready")
+        more = more.replace("DOMAIN", self.where)
         self.config = CONFIG.format(found=found, routers=routers) + more
-        self.make_exporter(self.write("fleet.yml", self.config), alertmanager="")
+        self.make_exporter(self.write("fleet.yml", self.config), *options, alertmanager="")
 
     def start_actor(self, kind: str, *arguments: str, seconds: float) -> Process:
         """Start one of `bench.actors`, which ends by itself after so many seconds."""
@@ -41,12 +44,15 @@ class BenchSite(Site):
 
 
 @contextmanager
-def running(*, zenoh: bool = False, seconds: float, more: str = "") -> Iterator[BenchSite]:
+def running(
+    *, zenoh: bool = False, seconds: float, more: str = "", options: Sequence[str] = ()
+) -> Iterator[BenchSite]:
     """A site in a folder of its own.
 
-    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml.
+    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml behind its discovery, in
+    which DOMAIN is where the robots are, ``options`` those of the exporter.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        site = BenchSite(Path(folder), zenoh=zenoh, seconds=seconds, more=more)
+        site = BenchSite(Path(folder), zenoh=zenoh, seconds=seconds, more=more, options=options)
         with site:
             yield site

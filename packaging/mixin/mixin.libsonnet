@@ -4,8 +4,8 @@ local rules = import 'rules.json';
 
 {
   _config+:: {
-    // Where docs/alerts is served; %s is the name of the alert.
-    runbookURLPattern: 'http://localhost:9090/user/alerts/%s.md',
+    // Where the exporter serves the runbooks; %s is the name of the alert.
+    runbookURLPattern: 'http://localhost:9877/runbooks/%s.html',
     // Also the rules about Prometheus and Alertmanager themselves, for a site that has none.
     servers: false,
   },

@@ -7,8 +7,6 @@ import shutil
 import sysconfig
 from pathlib import Path
 
-from testbed.configuration import CHECKOUT
-
 FOREVER = 1e9  # seconds: the robots run until they are stopped
 
 
@@ -85,7 +83,6 @@ def prometheus(config: Path, address: str, storage: Path) -> list[str]:
         "--rules.alert.for-grace-period=1m",
         f"--web.listen-address={address}",
         f"--web.external-url=http://{address}/",  # what links in alerts begin with
-        f"--web.user-assets={CHECKOUT / 'docs'}",  # the runbooks, at /user/alerts/
         "--log.level=warn",
     ]
 

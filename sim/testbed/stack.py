@@ -52,8 +52,7 @@ def running(folder: Path, plan: Plan, inbox: Inbox | None = None) -> Iterator[Si
         site.start_robots(plan.robots, seed=plan.seed, scenario=plan.scenario)
         if plan.zenoh:
             _start_links(site, endpoint)
-        runbooks = f"--web.runbooks-url=http://{site.addresses.prometheus}/user/alerts"
-        site.start_exporter(site.write("fleet.yml", fleet), runbooks)
+        site.start_exporter(site.write("fleet.yml", fleet))
         site.start_prometheus()
         site.start_alertmanager(recorder=exporter, links=True)
         site.grafana = _start_grafana(site)

@@ -28,8 +28,10 @@ def run(options: argparse.Namespace) -> None:
     domain_id = chosen_domain_id(options.domain_id)
     stop = stop_on_signals()
     participants = Participants(options.participants)
+    without = [name for name, each in fleet.robots.items() if not each.driver.has_diagnostics]
+    aggregated = options.aggregator != "none"
     transport = Transport(
-        list(fleet.robots), domain_id, participants, aggregated=options.aggregator != "none"
+        list(fleet.robots), domain_id, participants, aggregated=aggregated, without=without
     )
     if sentence := too_many_for_localhost(len(fleet.robots), participants, os.environ):
         print_error(sentence)

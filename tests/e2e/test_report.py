@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.api.story import occurrences
+from ros_diagnostics_exporter.api.occurrences import occurrences
 from ros_diagnostics_exporter.api.week import known, week
 from ros_diagnostics_exporter.metrics.families import EXPORTER
 from ros_diagnostics_exporter.metrics.week import ROWS

@@ -43,11 +43,11 @@ def _of_its_runbook(name: str) -> Iterator[str]:
 
 
 def first_step(name: str) -> str:
-    """The first paragraph of the runbook's first step, in one line; a word if there is none."""
+    """The first step of the runbook, in one line; a word if there is none."""
     page = ROOT / "docs" / "alerts" / f"{name}.md"
     text = page.read_text() if page.exists() else ""
-    step = text.partition("## First step\n\n")[2].partition("\n\n")[0]
-    return " ".join(step.split()) or "missing"
+    steps = text.partition("## Do this now\n\n1. ")[2]
+    return " ".join(re.split(r"\n\n|\n2\. ", steps)[0].split()) or "missing"
 
 
 def _of_its_test(name: str) -> Iterator[str]:

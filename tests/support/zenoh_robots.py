@@ -67,13 +67,20 @@ class Bridge:
     def _declare(self, key: str):
         return self._session.liveliness().declare_token(key)
 
-    def offer(self, topic: str, kind: str = TYPE, *, depth: int = 0) -> None:  # noqa: ARG002 - of DDS
+    def offer(
+        self,
+        topic: str,
+        kind: str = TYPE,
+        *,
+        depth: int = 0,  # noqa: ARG002 - of DDS
+        type_hash: str = "RIHS01_0",
+    ) -> None:
         """A publisher, and its token."""
         key = topic.removeprefix("/")
         self._publishers[topic] = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.BLOCK
         )
-        names = [key.replace("/", "§"), kind.replace("/", "§"), ":1:::typehash=RIHS01_0;"]
+        names = [key.replace("/", "§"), kind.replace("/", "§"), f":1:::typehash={type_hash};"]
         self._tokens[topic] = self._declare(f"@/{self._id}/@ros2_lv/MP/{'/'.join(names)}")
 
     def listeners(self, topic: str) -> bool:

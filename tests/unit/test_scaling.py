@@ -11,7 +11,8 @@ from bench import scaling
     ("low", "high", "at_10000"),
     [
         (100.0, 280.0, 910.0),  # 10 and 90 for each 1,000
-        (100.0, 400.0, 400 / 3 * 10),  # starts below 0: proportional
+        (100.0, 300.0, 1_000.0),
+        (100.0, 900.0, 10_000.0),  # grows faster than the fleet: with its square
     ],
 )
 def test_a_cost_follows_the_line_through_both_sizes(low: float, high: float, at_10000: float):

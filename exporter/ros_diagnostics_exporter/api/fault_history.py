@@ -96,17 +96,19 @@ def _fault(event: Event) -> tuple[Any, ...]:
 
 
 def entries(
-    own: Iterable[Event], of_many: Iterable[Event], component: str | None, site: str
+    of_robot: Iterable[Event], of_many: Iterable[Event], component: str | None, site: str
 ) -> list[dict[str, Any]]:
     """Time and sentence of each event that is of the robot, in order.
 
     Args:
-        own: The robot's events.
+        of_robot: The robot's events.
         of_many: Events of no robot: those of its site, and of components on many robots, count.
         component: Only this component's events and those of the whole robot; None for all.
         site: The robot's.
     """
-    kept = [each for each in own if component is None or each.get("component") in (None, component)]
+    kept = [
+        each for each in of_robot if component is None or each.get("component") in (None, component)
+    ]
     # A common fault is also this robot's where its own component was in trouble.
     common = {each.get("component") for each in kept if each.get("after") in _TROUBLE}
     for each in of_many:

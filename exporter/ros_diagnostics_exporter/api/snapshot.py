@@ -71,12 +71,12 @@ class Care:
         }
 
 
-def _acknowledgement(found: Acknowledgement) -> dict[str, Any]:
+def _acknowledgement(acknowledgement: Acknowledgement) -> dict[str, Any]:
     return {
-        "author": found.author,
-        "comment": found.comment,
-        "at": found.at,
-        "until": found.until,
+        "author": acknowledgement.author,
+        "comment": acknowledgement.comment,
+        "at": acknowledgement.at,
+        "until": acknowledgement.until,
     }
 
 

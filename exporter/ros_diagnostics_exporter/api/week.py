@@ -1,6 +1,6 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
+Faults are given as `ros_diagnostics_exporter.api.occurrences` returns them. The
 exporter's families of the week and `ros-diagnostics report --week` have these numbers.
 """
 
@@ -12,7 +12,7 @@ from itertools import chain, takewhile
 from statistics import median
 from typing import Any
 
-from ros_diagnostics_exporter.api.story import KINDS, LABELS, WEEK, occurrences, spells
+from ros_diagnostics_exporter.api.occurrences import KINDS, LABELS, WEEK, occurrences, spells
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 

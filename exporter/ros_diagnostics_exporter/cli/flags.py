@@ -170,13 +170,6 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         "plans a downtime at --alertmanager.url",
         action="store_true",
     )
-    add(
-        "--web.runbooks-url",
-        "where docs/alerts is served, for the links to runbooks of the pages (default: none)",
-        type=_runbooks_url,
-        default="",
-        metavar="URL",
-    )
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
@@ -251,14 +244,6 @@ def _size(text: str) -> int:
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 256MB")
     return int(match[1]) * _UNITS[match[2]]
-
-
-def _runbooks_url(text: str) -> str:
-    if not text:  # the default
-        return text
-    if "@" in text:
-        raise argparse.ArgumentTypeError("give it without a user: everybody sees the pages' links")
-    return _server(text, "http://localhost:9090/user/alerts", "")
 
 
 def _server(text: str, example: str, flags: str) -> str:

@@ -188,7 +188,6 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         web_config=options.web_config_file,
         lifecycle=options.web_enable_lifecycle,
         actions=options.web_enable_actions,
-        runbooks=options.web_runbooks_url,
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

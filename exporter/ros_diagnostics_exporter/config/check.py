@@ -58,7 +58,8 @@ def _section(title: str, items: Iterable[str]) -> list[str]:
 
 def _robot(robot: Robot) -> str:
     topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
-    received = f"{place(robot.domain_id)}, {topics}, " if topics else ""  # none: source queries
+    where = topics or robot.namespace or "/"
+    received = f"{place(robot.domain_id)}, {where}, " if robot.in_ros else ""
     return _joined(
         f"{robot.name}: {received}source {robot.source.value}",
         *_settings(robot),
@@ -76,10 +77,10 @@ def _discovery(discovery: Discovery) -> str:
     )
 
 
-def _settings(found: Robot | Discovery) -> tuple[str, str, str]:
+def _settings(robot: Robot | Discovery) -> tuple[str, str, str]:
     """The settings that declared and discovered robots have in common."""
-    address = f"address {found.address}" if found.address else ""
-    return f"profile {found.profile.name}", address, _pairs(found.labels)
+    address = f"address {robot.address}" if robot.address else ""
+    return f"profile {robot.profile.name}", address, _pairs(robot.labels)
 
 
 def _shared(shared: Shared) -> str:
@@ -133,14 +134,14 @@ def _query(query: Query) -> str:
 
 
 def _faults(faults: FaultSettings) -> Iterator[str]:
-    yield f"no fault for want of data within {written(faults.restart_grace)} after a start"
-    yield f"declared robots that were never received after {written(faults.pending_after)}"
+    yield f"after a start, missing data is no fault for {written(faults.restart_grace)}"
+    yield f"robots that are never received: after {written(faults.pending_after)}"
     yield f"flapping from {faults.flapping.start:g} until below {faults.flapping.stop:g}"
     intermittent = faults.intermittent
     yield f"intermittent from {intermittent.changes} changes in {written(intermittent.within)}"
     falling = faults.falling
     yield f"values too low within {written(falling.ahead)}, by the last {written(falling.over)}"
-    yield f"values come back by {faults.value_hysteresis:g} of their threshold"
+    yield f"values have to come back by {100 * faults.value_hysteresis:g} % of their threshold"
     yield f"many components of a robot: {_cause(faults.many)}"
     confirmed = f"confirmed after {written(faults.confirm_after)}"
     yield f"silent robots of a site: {_cause(faults.site)}, {confirmed}"

@@ -8,13 +8,26 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
-from ros_diagnostics_exporter.config.keys import Entry, Written, described
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described
 from ros_diagnostics_exporter.config.patterns import Equals, Wildcards, Words, written
 
 MAX_CONDITIONS = 10  # of one when or unless
 LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
+LEVEL_NAMES = "|".join("".join(f"[{each}{each.lower()}]" for each in name) for name in LEVELS)
 _MOST_WORDS = 200  # characters of a condition as it is shown; what it matches may be longer
+
+
+def level(value: Any, others: str = "") -> int:
+    """The number of a level's name; ``others`` says what else the file may have there."""
+    found = LEVELS.get(value.upper()) if isinstance(value, str) else None
+    if found is None:
+        what = f"{quoted(value)} is no level"
+        raise WrongValueError(what, f"use one of {', '.join(LEVELS)}{others}")
+    return found
+
+
+LevelWord = Annotated[int, Value(level, "level", type="string", pattern=f"^({LEVEL_NAMES})$")]
 
 
 def _list_of_one(value: Any) -> Any:

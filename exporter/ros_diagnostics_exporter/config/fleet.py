@@ -112,7 +112,8 @@ class Limits(Entry):
     robots: Count = described("Robots.", example=500, default=2000)
     new_robots: Count = described(
         "Robots that are not in fleet.yml and may be found at once, and as many again in ten "
-        "minutes; those of the first two minutes, and those that were known before, do not count.",
+        "minutes. Those of the first two minutes do not count until as many of them are gone "
+        "again; those that were known before never do.",
         example=20,
         default=100,
     )
@@ -127,7 +128,10 @@ class Limits(Entry):
         default=1_048_576,
     )
     series: Count = described(
-        "Series of all robots, components and values.", example=200_000, default=1_000_000
+        "Series of all robots, components and values; those that count for `new_robots` may have "
+        "half of them.",
+        example=200_000,
+        default=1_000_000,
     )
     robot_series: Count = described(
         "Series of one robot's values (with their thresholds); also the limit of its key-values.",
@@ -334,7 +338,7 @@ class Fleet(Entry, title="FleetFile"):
     @cached_property  # asked for at each scrape and look
     def domain_ids(self) -> tuple[Domain, ...]:
         """Every domain to join: those of DDS, ascending, then zenoh."""
-        found = {each.domain_id for each in self.robots if each.source is not Source.QUERIES}
+        found = {each.domain_id for each in self.robots if each.in_ros}
         found.update(each.domain_id for each in self.shared)
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
         return (*sorted(each for each in found if isinstance(each, int)), *(found & {ZENOH}))

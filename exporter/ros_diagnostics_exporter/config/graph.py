@@ -30,6 +30,11 @@ NO_RATES = (
 OTHER_RATES = (
     "remove it, and have the driver report its rate, with TopicDiagnostic of diagnostic_updater"
 )
+NO_BATTERIES = "batteries are now entries of topics, as fields of any other topic are"
+OTHER_BATTERIES = (
+    "remove it, and add to the profile topics: [{topic: battery_state, component: Battery, "
+    "fields: {percentage: Charge, voltage: Voltage (V)}}]"
+)
 Loss = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -64,25 +69,26 @@ class Watched(Entry):
         example=True,
         default=False,
     )
-    batteries: bool = described(
-        "Subscribe the robot's topics `battery_state` (sensor_msgs/BatteryState): each is a "
-        "component with values such as `percentage`, which `values` judges, at the level of its "
-        "health.",
-        example=True,
-        default=False,
-    )
     bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
-        "How much all this may be for each robot, over a minute. Beyond it the largest topics are "
-        "given up for an hour, and the component `watch` in `ROS graph` names them.",
+        "How much all this and `topics` may be for each robot, over a minute. Beyond it the "
+        "largest topics are given up for an hour, and the component `watch` in `ROS graph` names "
+        "them.",
         example=5000,
         default=20_000,
     )
+
+    @property
+    def asks(self) -> bool:
+        """Whether anything is subscribed."""
+        return self.logs or self.transitions or self.parameters
 
     @override
     @classmethod
     def _read(cls, data: Any, handler: Callable[[Any], Any]) -> Any:
         if isinstance(data, dict) and "rates" in data:
             raise WrongValueError(NO_RATES, OTHER_RATES, ("rates",))
+        if isinstance(data, dict) and "batteries" in data:
+            raise WrongValueError(NO_BATTERIES, OTHER_BATTERIES, ("batteries",))
         return super()._read(data, handler)
 
 

@@ -29,6 +29,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
         *_labels_of_no_robot(checked, fleet),
         *_uplinks_of_no_entry(checked),
         *_goals_of_no_graph(checked),
+        *_topics_of_no_robot(checked, fleet),
         *_nothing_to_watch(checked, fleet),
     ]
     return tuple(str(each) for each in found)
@@ -120,6 +121,21 @@ def _goals_of_no_graph(checked: Checked) -> Iterator[Finding]:
         if placed.entry.actions and placed.entry.graph.mode == "off":
             what = "are never judged, because graph.mode is off"
             yield placed.problem("actions", what=what, remedy="remove one of them")
+
+
+def _topics_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
+    """A profile whose topics nobody reads, because its robots have no namespace in ROS."""
+    on_shared = {(each.domain_id, each.topic) for each in fleet.shared}
+    unread = {each.profile.name for each in fleet.shared}
+    read = {each.profile.name for each in fleet.discoveries}
+    for robot in fleet.robots:
+        has_namespace = robot.in_ros and (robot.domain_id, robot.topic) not in on_shared
+        (read if has_namespace else unread).add(robot.profile.name)
+    for placed in checked.profiles:
+        if placed.path[-1] in unread - read and placed.entry.topics:
+            what = "no robot of this profile has a namespace in ROS, so no topic is read"
+            remedy = "give a robot with source queries its domain_id, or remove topics"
+            yield placed.problem("topics", what=what, remedy=remedy)
 
 
 def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:

@@ -311,14 +311,18 @@ class _Resolver:
             merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
         for key in ("components", "values", "actions"):  # the first match wins
             merged[key] = [*own.get(key, []), *parent.get(key, [])]
+        topics = own.get("topics", [])
+        replaced = {each.get("component") for each in topics}
+        inherited = parent.get("topics", [])
+        merged["topics"] = [*topics, *(e for e in inherited if e.get("component") not in replaced)]
         return merged
 
     def _added(
-        self, key: str, inherited: _Content, own: _Content, placed: Placed[Profile]
+        self, key: str, inherited: _Content, given: _Content, placed: Placed[Profile]
     ) -> _Content:
         """The inherited ones with a profile's own added, replaced and (null) removed."""
-        both = {**inherited, **own}
-        removed = [name for name, each in own.items() if each is None]
+        both = {**inherited, **given}
+        removed = [name for name, each in given.items() if each is None]
         for name in removed:
             del both[name]
             if name not in inherited:

@@ -1,6 +1,7 @@
 """What a profile says of a kind of robot: its components, values, checks and times."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,13 @@ from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
 from ros_diagnostics_exporter.config.capabilities import Capability, Parts, short_capability
-from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
+from ros_diagnostics_exporter.config.conditions import (
+    LEVEL_NAMES,
+    Conditional,
+    ConditionList,
+    LevelWord,
+    level,
+)
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described, nothing
@@ -20,6 +27,7 @@ from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.missions import ActionRules, Modes
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
 from ros_diagnostics_exporter.config.scalars import CapabilityName, Duration, Name, PositiveDuration
+from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.regex import Pattern
 
 DEFAULT = "default"  # the profile that applies where none is named
@@ -30,25 +38,15 @@ OneOfWords = Annotated[Pattern, Written(Words)]
 OneOfWildcards = Annotated[Pattern, Written(Wildcards)]
 
 
-def _level(value: Any, others: str = "") -> int:
-    level = LEVELS.get(value.upper()) if isinstance(value, str) else None
-    if level is None:
-        what = f"{quoted(value)} is no level"
-        raise WrongValueError(what, f"use one of {', '.join(LEVELS)}{others}")
-    return level
-
-
 def _published_level(value: Any) -> int:
     """The level of a name, or any number: drivers and aggregators have numbers of their own."""
     is_byte = isinstance(value, str) and re.fullmatch("[0-9]{1,3}", value) and int(value) <= 255
-    return int(value) if is_byte else _level(value, " or a number to 255")
+    return int(value) if is_byte else level(value, " or a number to 255")
 
 
-_NAMES = "|".join("".join(f"[{each}{each.lower()}]" for each in name) for name in LEVELS)
-LevelWord = Annotated[int, Value(_level, "level", type="string", pattern=f"^({_NAMES})$")]
 PublishedLevel = Annotated[
     int,
-    Value(_published_level, "level", type="string", pattern=f"^({_NAMES}|[0-9]{{1,3}})$"),
+    Value(_published_level, "level", type="string", pattern=f"^({LEVEL_NAMES}|[0-9]{{1,3}})$"),
 ]
 
 
@@ -377,6 +375,12 @@ class Profile(Entry):
         example=[{"key": "PID", "keep": False}],
         default=(),
     )
+    topics: Annotated[tuple[TopicEntry, ...], Written(list[TopicEntry], tuple)] = described(
+        "Fields of small topics as components, for what no diagnostics say "
+        "([robots without diagnostics](robots-without-diagnostics.md)).",
+        example=[{"topic": "e_stop", "component": "E-stop", "field": "data", "error_when": True}],
+        default=(),
+    )
     capabilities: Annotated[
         Mapping[str, Capability],
         Written(
@@ -418,6 +422,18 @@ class Profile(Entry):
         example={"component": "Mode", "key": "mode", "autonomous": "auto"},
         default=None,
     )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Profile":
+        counted = Counter(each.component for each in self.topics)
+        for at, each in enumerate(self.topics):
+            if counted[each.component] > 1:
+                what = f"another entry makes the component {quoted(each.component)}, too"
+                raise WrongValueError(what, "name each component once", ("topics", at, "component"))
+        if self.topics and self.graph.mode == "off":
+            what = "is off, and topics are found in the ROS graph, so none would be read"
+            raise WrongValueError(what, "write mode: shadow", ("graph", "mode"))
+        return self
 
     @cached_property
     def has_conditions(self) -> bool:

@@ -38,8 +38,8 @@ def expression(value: Any) -> str:
     own = _OWN.search(found)
     if own is not None:
         raise WrongValueError(
-            f"reads {own[0]}..., which is made of what this exporter serves, so its faults would "
-            "rest on themselves",
+            f"reads {own[0]}..., which comes from this exporter: its faults would depend on "
+            "themselves",
             "query what another exporter measures; of a robot's own components, use `when`, "
             "`values` and `thresholds` of its profile",
         )

@@ -51,11 +51,14 @@ class Source(str, Enum):
     RAW = "raw"
     BOTH = "both"  # the tree from the aggregate, changes of level from raw
     AUTO = "auto"  # the aggregate if there is one, else raw; see `robots.reading`
-    QUERIES = "queries"  # none: what has no ROS, such as a server
+    NONE = "none"  # it has no diagnostics: it is judged by what else is asked of it
+    QUERIES = "queries"  # none, and it is never silent: a server, for example
 
 
-AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Source)]
-SourceOfOne = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "queries"], Source)]
+AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "none"], Source)]
+SourceOfOne = Annotated[
+    Source, Written(Literal["agg", "raw", "both", "auto", "none", "queries"], Source)
+]
 
 _SOURCE = (
     "Where the components are read from. `agg`: the aggregator's tree. `raw`: what the drivers "
@@ -105,8 +108,10 @@ class Robot(Entry):
     topic_agg: str | None = None  # absolute name, of namespace or topic
     topic_raw: str | None = None
     source: SourceOfOne = described(
-        f"{_SOURCE} `queries`: what has no ROS has the components of [queries](#query) alone, and "
-        "is never silent.",
+        f"{_SOURCE} `none`: the robot has no diagnostics, and is judged by `topics` and `graph` of "
+        "its profile. `queries`: it has the components of [queries](#query), with a `domain_id`, "
+        "`namespace` or `zenoh` also those of its profile's `topics` and `graph`, and is never "
+        "silent.",
         example="raw",
         default=Source.AUTO,
     )
@@ -125,15 +130,22 @@ class Robot(Entry):
         default=None,
     )
     zenoh: KeyPrefix | None = _zenoh("domain_id", "its", example="customer_a/robot_1")
+    with_ros: bool = False  # with source queries: its place in ROS is given
+
+    @property
+    def in_ros(self) -> bool:
+        """Whether its DDS domain is joined for it, or what zenoh connects."""
+        return self.with_ros or self.source is not Source.QUERIES
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Robot":
         if "namespace" in given and "topic" in given:
             raise WrongValueError("has both namespace and topic", "keep one of them")
-        ros = sorted({"namespace", "topic", "domain_id", "zenoh"} & given.keys())
-        if self.source is Source.QUERIES and ros:
-            what = f"has source queries, so nothing of ROS, and {ros[0]}"
-            raise WrongValueError(what, f"remove {ros[0]} or source")
+        if self.source in (Source.NONE, Source.QUERIES) and "topic" in given:
+            what = f"has source {self.source.value}, so no topic of diagnostics, and topic"
+            raise WrongValueError(what, "write its namespace in place of topic, or remove source")
+        if self.source is Source.QUERIES and {"namespace", "domain_id", "zenoh"} & given.keys():
+            self = replace(self, with_ros=True)  # noqa: PLW0642 - the rest is as for others
         if self.zenoh is None:
             return self.reading(self.source)
         _not_both("domain_id", given)
@@ -192,7 +204,12 @@ class Discovery(Entry):
         "Only robots with these names; `*` stands for anything.", example=["amr_*"], default=()
     )
     exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
-    source: AnySource = described(_SOURCE, example="agg", default=Source.AUTO)
+    source: AnySource = described(
+        f"{_SOURCE} `none`: the robots have no diagnostics. `topic` is any small topic of theirs, "
+        "whatever its type, and their namespace is what it has up to `{robot}`.",
+        example="agg",
+        default=Source.AUTO,
+    )
     profile: ProfileName = _profile("The robot's profile.", example="turtlebot4")
     address: NameTemplate | None = described(
         "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
@@ -207,6 +224,9 @@ class Discovery(Entry):
         if bool(self.template) == bool(self.type):
             what = "has topic and type" if self.type else "has neither topic nor type"
             raise WrongValueError(what, 'give one, such as topic: "/{robot}/diagnostics_agg"')
+        if self.type and self.source is Source.NONE:
+            what = "has source none, so no diagnostics, and type, which finds them"
+            raise WrongValueError(what, 'write topic: "/{robot}/battery_state" in place of type')
         if self.zenoh is not None:
             _not_both("domain_ids", given)
             self = replace(self, domain_ids=(ZENOH,))  # noqa: PLW0642 - the rest is as for DDS
@@ -334,7 +354,7 @@ def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
     With source agg or raw the topic has that kind, whatever its name. Else the name shows which of
     the two it is, and the other is named after it.
     """
-    if source is Source.QUERIES:
+    if source in (Source.NONE, Source.QUERIES):
         return None, None
     if source is Source.AGG:
         return topic, None

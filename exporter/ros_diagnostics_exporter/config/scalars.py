@@ -95,9 +95,7 @@ def positive_duration(value: Any) -> float:
     """A duration above zero, in seconds."""
     seconds = duration(value)
     if seconds == 0:
-        raise WrongValueError(
-            "is 0, so everything would be stale at once", "use a duration above 0, such as 5s"
-        )
+        raise WrongValueError("is 0", "use a duration above 0, such as 5s")
     return seconds
 
 
@@ -223,10 +221,10 @@ def capability_name(value: Any) -> str:
     return found
 
 
-def is_name(found: str) -> bool:
+def is_name(text: str) -> bool:
     """Whether a text, from the config or from a robot, can be a robot's name."""
-    is_clean = found.isprintable() and found == found.strip() and "/" not in found
-    return is_clean and 1 <= len(found) <= MAX_NAME
+    is_clean = text.isprintable() and text == text.strip() and "/" not in text
+    return is_clean and 1 <= len(text) <= MAX_NAME
 
 
 def address(value: Any) -> str:

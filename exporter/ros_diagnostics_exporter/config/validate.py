@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Query,
     Robot,
     Shared,
+    Source,
 )
 from ros_diagnostics_exporter.config.keys import Entry, validated
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath
@@ -96,6 +97,7 @@ def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
     what = "the name {1} is already used by the robot in {0}"
     yield from _twice(checked.robots, "name", what, "give each robot a name of its own")
     yield from _same_topics(checked)
+    yield from _same_namespaces(checked)
     what = "the query in {0} already has components {1}"
     remedy = "give it another component or group, or join the two expressions by or"
     yield from _twice(checked.queries, "component", what, remedy)
@@ -162,6 +164,21 @@ def _same_topics(checked: Checked) -> Iterator[Finding]:
                 yield placed.problem(what=what, remedy=_WAY_OUT)
                 break
             users[key] = f"that of robot {quoted(robot.name)} in {placed.place()}"
+
+
+def _same_namespaces(checked: Checked) -> Iterator[Finding]:
+    """Robots of which one has no diagnostics: only their namespaces tell their topics apart."""
+    users: dict[tuple[Domain, str], Placed[Robot]] = {}
+    for placed in checked.robots:
+        robot = placed.entry
+        other = (
+            users.setdefault((robot.domain_id, robot.namespace), placed) if robot.in_ros else placed
+        )
+        sources = {robot.source, other.entry.source}
+        if other is not placed and sources & {Source.NONE, Source.QUERIES}:
+            where = f"namespace {robot.namespace or '/'} of {place(robot.domain_id)}"
+            what = f"{where} is that of robot {quoted(other.entry.name)} in {other.place()}"
+            yield placed.problem(what=what, remedy="give it a namespace or domain_id of its own")
 
 
 def _other_source(placed: Placed[Robot]) -> Iterator[Finding]:

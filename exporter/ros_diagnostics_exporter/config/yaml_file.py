@@ -171,8 +171,8 @@ def _too_deep(line: int) -> UnusableError:
 
 
 def _too_many(line: int) -> UnusableError:
-    what = f"has more than {MAX_VALUES} keys and values once its aliases (*) are expanded"
-    return UnusableError(line, what, "use fewer aliases, or split it into a folder")
+    what = f"has more than {MAX_VALUES} keys and values, aliases (*) expanded"
+    return UnusableError(line, what, "move robots into files of robots.d, or use fewer aliases")
 
 
 def _syntax(text: str, error: yaml.YAMLError) -> UnusableError:

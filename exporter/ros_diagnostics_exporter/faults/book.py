@@ -78,9 +78,13 @@ class Book:
     def touch(self, problems: Iterable[Problem]) -> None:
         """Have these judged again, and the capabilities that rest on them."""
         for problem in problems:
-            self.touched[problem] = None
-            if problem.robot is not None and problem.robot.capabilities and not problem.capability:
-                self.touched_robots[problem.robot] = None
+            self._touch(problem)
+
+    def _touch(self, problem: Problem) -> None:
+        self.touched[problem] = None
+        robot = problem.robot
+        if robot is not None and robot.capabilities and not problem.capability:
+            self.touched_robots[robot] = None
 
     def give_verdict(self, problem: Problem, verdict: Verdict) -> None:
         """Note what is known of a problem now, and have it judged with what it explains."""
@@ -89,8 +93,8 @@ class Book:
         if verdict is not problem.verdict:
             self.changed.setdefault(problem, problem.verdict)
             problem.verdict = verdict
-            self.write(problem)
-        self.touch((problem,))
+            self.written[problem.row] = None
+        self._touch(problem)
 
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""

@@ -59,9 +59,11 @@ def _is_explained(
     settings, robot = component.settings, component.robot
     if settings.measured and robot.cut_off_since is not None:
         return Reason.UNREACHABLE in reasons
-    is_common = (Scope.COMMON, component.name.component) in book.causes
-    is_absent = component.level is Level.STALE and bool(robot.settings.uplink)
-    if not (settings.depends_on or settings.measured or is_common or is_absent):
+    # Most components have nothing that could, and are counted at each change of their level.
+    name = (Scope.COMMON, component.name.component)
+    is_common = Reason.COMMON in reasons and name in book.causes
+    is_absent = settings.measured or component.level is Level.STALE
+    if not (settings.depends_on or is_common or (is_absent and robot.settings.uplink)):
         return False
     return suppression.is_explained(book, component.problems.values(), reasons, now)
 

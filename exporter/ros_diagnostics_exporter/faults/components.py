@@ -259,12 +259,12 @@ def _add_flapping(book: Book, component: ComponentRecord, state: State, now: Ins
 
 def report_value(
     book: Book,
-    of: tuple[RobotRecord, ComponentName, ComponentSettings],
+    location: tuple[RobotRecord, ComponentName, ComponentSettings],
     report: ValueReport,
     now: Instant,
 ) -> list[Change]:
-    """Take one value ``of`` a component of a robot that is up; what ended with its threshold."""
-    robot, name, settings = of
+    """Take one value of a component of a robot that is up; what ended with its threshold."""
+    robot, name, settings = location
     changes = _drop_unwanted(book, robot.components.get(name), report, now)
     for threshold in report.thresholds:
         component = robot.components.get(name)

@@ -84,17 +84,17 @@ def fault_id(fleet: str, exporter: str, identity: Identity) -> str:
     return sha256(json.dumps(named).encode()).hexdigest()[:12]
 
 
-def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
+def as_texts(identity: Identity, labels: Mapping[str, str]) -> dict[str, str]:
     """An identity with its severity as metrics, events and the API have it, by name.
 
-    ``own`` are the robot's own labels: a fault of a robot is of the site that they name, if any.
+    ``labels`` are the robot's own labels: a fault of a robot is of the site that they name, if any.
     """
     return {
         **identity._asdict(),
         "scope": identity.scope.value,
         "state": identity.state.value,
         "severity": severity_of(identity),
-        "site": identity.site or own.get("site", ""),
+        "site": identity.site or labels.get("site", ""),
     }
 
 

@@ -116,17 +116,17 @@ def _counted(standing: Standing, degraded: CapabilityState) -> Standing:
     return FINE if degraded is CapabilityState.OK else standing._replace(state=degraded)
 
 
-def _kth_best(k: int, found: list[Standing]) -> Standing:
-    state = sorted(each.state for each in found)[k - 1]
-    unusable = [each for each in found if each.state > CapabilityState.DEGRADED]
-    if state is CapabilityState.OK and (not unusable or len(found) - len(unusable) > k):
+def _kth_best(k: int, standings: list[Standing]) -> Standing:
+    state = sorted(each.state for each in standings)[k - 1]
+    unusable = [each for each in standings if each.state > CapabilityState.DEGRADED]
+    if state is CapabilityState.OK and (not unusable or len(standings) - len(unusable) > k):
         return FINE
-    bad = [each for each in found if each.state is not CapabilityState.OK]
+    bad = [each for each in standings if each.state is not CapabilityState.OK]
     if state is CapabilityState.OK:
         state, dues = CapabilityState.NO_RESERVE, sorted(each.due for each in unusable)
     else:
         # As many as it takes until the k-th best is not better.
-        dues = sorted(each.due for each in bad if each.state >= state)[: len(found) - k + 1]
+        dues = sorted(each.due for each in bad if each.state >= state)[: len(standings) - k + 1]
     parts = {part: its for each in bad for part, its in each.parts.items()}
     return Standing(state, MappingProxyType(parts), dues[-1], any(each.absent for each in bad))
 

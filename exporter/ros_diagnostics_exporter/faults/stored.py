@@ -137,9 +137,9 @@ _DEPENDS_ON = Kind(
 )
 
 
-def _enum(of: Callable[[Any], Any], type_: Any) -> Kind:
+def _enum(enum: Callable[[Any], Any], type_: Any) -> Kind:
     return Kind(
-        type_, write=lambda value, _clock: value.value, read=lambda value, _clock: of(value)
+        type_, write=lambda value, _clock: value.value, read=lambda value, _clock: enum(value)
     )
 
 

@@ -207,6 +207,8 @@ def is_unreachable(book: Book, robot: RobotRecord, now: Instant) -> bool:
     """Whether its uplink or its DDS domain explains that nothing is received of a robot."""
     if robot.cut_off_since is not None:
         return True
+    if robot.settings.uplink not in book.robots:
+        return False
     return is_explained(book, robot.problems.values(), (Reason.UNREACHABLE,), now)
 
 

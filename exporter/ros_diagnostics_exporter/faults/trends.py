@@ -35,12 +35,12 @@ from ros_diagnostics_exporter.model import Instant
 
 def follow(
     book: Book,
-    of: tuple[RobotRecord, ComponentName, ComponentSettings],
+    location: tuple[RobotRecord, ComponentName, ComponentSettings],
     report: ValueReport,
     now: Instant,
 ) -> None:
-    """Take one value ``of`` a component of a robot that is up."""
-    robot, name, settings = of
+    """Take one value of a component of a robot that is up."""
+    robot, name, settings = location
     threshold = next((each for each in report.thresholds if _is_followed(each)), None)
     if threshold is None or report.number is None:
         robot.trends.pop((name, report.key), None)

@@ -41,17 +41,17 @@ class ConditionalProblems:
     def update(
         self,
         component: Component,
-        of: tuple[str, ComponentName],
+        names: tuple[str, ComponentName],
         conditions: RobotConditions,
         now: Instant,
     ) -> Iterator[Event]:
-        """Take what a component is like now; ``of`` are the names of its robot and itself.
+        """Take what a component is like now; ``names`` are the names of its robot and itself.
 
         What is suppressed only because its condition is not known is no event.
         """
         former = self._kept.pop(component, {})
         kept: dict[Identity, _Kept] = {}
-        for identity, suppressed in _troubles(component, of, conditions):
+        for identity, suppressed in _troubles(component, names, conditions):
             if suppressed is not None:
                 before = former.get(identity)
                 since = now.wall if before is None else before.since
@@ -82,10 +82,10 @@ class ConditionalProblems:
 
 
 def _troubles(
-    component: Component, of: tuple[str, ComponentName], conditions: RobotConditions
+    component: Component, names: tuple[str, ComponentName], conditions: RobotConditions
 ) -> Iterator[tuple[Identity, Suppressed | None]]:
     """What is wrong with a component and its values that has a condition, and what that says."""
-    robot, (group, name) = of
+    robot, (group, name) = names
     rule = component.rule
     if rule is not None and rule.conditions is not None and component.level > Level.OK:
         state = _STATES[Level(component.level)]

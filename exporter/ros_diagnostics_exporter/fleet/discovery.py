@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Robot, Shared, Source, topics_of
+from ros_diagnostics_exporter.config.patterns import ROBOT
 from ros_diagnostics_exporter.config.scalars import is_name
 from ros_diagnostics_exporter.model import Domain, Status
 from ros_diagnostics_exporter.robots.rules import SEARCHED
@@ -36,11 +37,12 @@ def takes(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
 def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) -> Robot:
     """The settings of the robot of this name behind a topic, its other topic included."""
     aggregate, raw = topics_of(topic, discovery.source)
-    address = discovery.address
+    address, is_none = discovery.address, discovery.source is Source.NONE
     return Robot(
         name=name,
         domain_id=domain_id,
-        namespace=topic.rpartition("/")[0],
+        namespace=namespace_of(discovery, topic),
+        topic=topic if is_none else None,
         topic_agg=aggregate,
         topic_raw=raw,
         source=discovery.source,
@@ -48,6 +50,24 @@ def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) 
         address=None if address is None else _fill(address, name, domain_id),
         labels=discovery.labels,
     )
+
+
+def namespace_of(discovery: Discovery, topic: str) -> str:
+    """The namespace of the robot behind a topic; of any topic of it, what ends with its name."""
+    if discovery.source is Source.NONE:
+        parts = discovery.template.split("/")
+        count = next((at for at, part in enumerate(parts) if ROBOT in part), None)
+        if count is not None:
+            return "/".join(topic.split("/")[: count + 1])
+    return topic.rpartition("/")[0]
+
+
+def end_of_topic(discovery: Discovery) -> str:
+    """The end of the names of any topics that a discovery looks for; "" of one of diagnostics."""
+    if discovery.source is not Source.NONE:
+        return ""
+    _before, _robot, behind = discovery.template.rpartition(ROBOT)
+    return behind.partition("/")[2]
 
 
 def _is_included(discovery: Discovery, name: str) -> bool:

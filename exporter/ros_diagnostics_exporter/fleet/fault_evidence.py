@@ -26,8 +26,8 @@ from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
-LENGTH = 512  # characters of the lines
-_TEXT_LENGTH = 160  # of one text of a robot
+LENGTH = 640  # characters of the lines
+_TEXT_LENGTH = 300  # of one text of a robot
 _MOST_NAMED = 5  # of values, components or robots
 
 _WORDS = {"WARN": "WARNING", "ERROR": "CRITICAL"}  # as alerts name them
@@ -49,7 +49,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
     Args:
         identity: Which fault it is.
         find: The robot and the component that a fault is about, if they are known.
-        robots: Those that a fault of no robot counts.
+        robots: Those that a fault of no robot counts, or that are behind an uplink.
     """
     found = find(identity)
     if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
@@ -58,9 +58,11 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         fields = {}
     elif found[1] is not None:
         fields = _of_component(identity, found[1], found[0])
+        if found[1].feed is not None and found[1].feed.uplink:
+            fields |= _first("behind", map(_text, robots))
     else:
         fields = _of_robot(identity, found[0])
-    if found is not None:
+    if found is not None and found[0].last_wall:  # else it contradicts that nothing was received
         fields |= _first("logged", map(_text, found[0].network.logs))
     return _written(fields)
 
@@ -123,7 +125,7 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
     }
     if identity.scope is Scope.VALUE:
         fields |= _monitored(identity, component)
-    elif component.last is not None:
+    elif component.last is not None and component.feed is None:  # a query's message has it
         fields |= _first("values", _values(component))
     others = (each for each in _troubled(robot) if each is not component)
     return fields | _first("also_faulty", map(_with_level, others))
@@ -192,9 +194,9 @@ def _with_level(component: Component) -> Fields:
     }
 
 
-def _first(name: str, found: Iterable[Any]) -> Fields:
+def _first(name: str, items: Iterable[Any]) -> Fields:
     """A list of the first few of them, and how many more there are."""
-    listed = list(found)
+    listed = list(items)
     more = {f"more_{name}": len(listed) - _MOST_NAMED} if len(listed) > _MOST_NAMED else {}
     return {name: listed[:_MOST_NAMED], **more} if listed else {}
 
@@ -203,7 +205,8 @@ def _first(name: str, found: Iterable[Any]) -> Fields:
 
 
 def _written(fields: Fields) -> Evidence:
-    return Evidence(";\n".join(filter(None, _lines(fields)))[:LENGTH], fields)
+    text = ";\n".join(filter(None, _lines(fields)))
+    return Evidence(text if len(text) <= LENGTH else text[: LENGTH - 3] + "...", fields)
 
 
 def _lines(fields: Fields) -> Iterator[str]:
@@ -225,6 +228,7 @@ def _lines(fields: Fields) -> Iterator[str]:
         yield SILENT[fields["silent_reason"]]
     yield from map(_part_line, fields.get("parts", ()))
     yield _list_line("robots", fields, "robots", str)
+    yield _list_line("robots behind it", fields, "behind", str)
     yield _list_line("components", fields, "components", _component_text)
     yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
     yield _list_line("logged", fields, "logged", str)
@@ -245,8 +249,8 @@ def _account(fields: Fields) -> str:
     return "no longer reports" + (f"; its last message: {message}" if message else "")
 
 
-def _component_text(of: Fields) -> str:
-    return f"{of['component']} {_WORDS.get(of['level'], of['level'])}"
+def _component_text(component: Fields) -> str:
+    return f"{component['component']} {_WORDS.get(component['level'], component['level'])}"
 
 
 def _part_line(part: Fields) -> str:
@@ -266,4 +270,4 @@ def _list_line(words: str, fields: Fields, name: str, text: Callable[[Any], str]
 
 def _text(text: str) -> str:
     """A robot's text, on one line."""
-    return one_line(text[:_TEXT_LENGTH])
+    return one_line(text if len(text) <= _TEXT_LENGTH else text[: _TEXT_LENGTH - 3] + "...")

@@ -235,7 +235,7 @@ class FaultReports:
         return reports.robot, reports.find(ComponentName(identity.group, identity.component))
 
     def _troubled(self, identity: Identity) -> Iterator[str]:
-        """The robots that a fault of no robot counts."""
+        """The robots that a fault of no robot counts, or that are behind an uplink."""
         for name, reports in self._robots.items():
             if _is_part(reports, identity):
                 yield name
@@ -322,8 +322,10 @@ class FaultReports:
 
 
 def _is_part(reports: RobotReports, identity: Identity) -> bool:
-    """Whether a fault of no robot counts this one."""
+    """Whether a fault of no robot counts this one, or it is behind the robot of the fault."""
     robot = reports.robot
+    if identity.scope is Scope.COMPONENT:
+        return robot.settings.labels.get("uplink") == identity.robot
     if identity.scope is Scope.SITE:
         return robot.settings.labels.get("site", "") == identity.site and not robot.up
     if identity.scope is Scope.EXPORTER:

@@ -2,12 +2,13 @@
 
 Whoever may publish can invent robots, some every second, each with a name and components of its
 own. Those that another process knew, and those of the first minutes, are not limited: a fleet that
-is found for the first time may be large.
+is found for the first time may be large. But a fleet stays, and invented robots go.
 """
 
 from __future__ import annotations
 
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.robots.robot import RobotState
 
 STARTING = 120.0  # seconds after the start in which a fleet is found
 REFILL = 600.0  # seconds in which as many as `limits.new_robots` may be found, after that many
@@ -19,12 +20,29 @@ class NewcomerRate:
     def __init__(self, at_once: int, now: Instant) -> None:
         self.at_once = at_once
         self._free_until = now.mono + STARTING
+        self._found: list[RobotState] = []  # until then
         self._left = float(at_once)
         self._at = now.mono
 
     def limits(self, now: Instant) -> bool:
         """Whether robots are counted already."""
         return now.mono >= self._free_until
+
+    def note(self, robot: RobotState, now: Instant) -> None:
+        """Note a robot that was found; of the first minutes each may turn out to be invented."""
+        robot.is_newcomer = self.limits(now)
+        if not robot.is_newcomer:
+            self._found.append(robot)
+
+    def look(self, now: Instant) -> None:
+        """Begin to count at once where too many robots of the first minutes are gone already."""
+        gone = sum(not (robot.up or robot.network.publishers) for robot in self._found)
+        if gone >= self.at_once and not self.limits(now):
+            self._free_until, self._left, self._at = now.mono, 0.0, now.mono
+            for robot in self._found:
+                robot.is_newcomer = True
+        if self.limits(now):
+            self._found.clear()
 
     def take(self, now: Instant) -> bool:
         """Count one more; False where there are too many."""

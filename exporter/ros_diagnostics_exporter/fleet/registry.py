@@ -12,16 +12,26 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
+from ros_diagnostics_exporter.fleet.discovery import (
+    SharedTopic,
+    found_robot,
+    namespace_of,
+    robot_name,
+)
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.newcomers import NewcomerRate
 from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
 from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
-from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
+from ros_diagnostics_exporter.robots.rejections import (
+    MAX_REJECTED,
+    FleetRejectionReason,
+    FleetRejections,
+)
 from ros_diagnostics_exporter.robots.robot import RobotState, accepts
 
+NEWCOMERS_SHARE = 2  # they may have the half of all series
 SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # Seconds that a discovered robot has to publish something before it may be replaced by another:
 # monitors that publish once a minute exist (Autoware).
@@ -39,6 +49,7 @@ class RobotRegistry:
         self.bindings: dict[Topic, list[tuple[RobotState, bool]]] = {}  # robot, is the topic raw
         self.shared_topics: dict[Topic, SharedTopic] = {}
         self.series = SeriesLimit(fleet.limits.series)
+        self._newcomers_series = SeriesLimit(fleet.limits.series // NEWCOMERS_SHARE, self.series)
         self._newcomers = NewcomerRate(fleet.limits.new_robots, now)
         self._fleet = fleet
         self._events = events
@@ -62,6 +73,7 @@ class RobotRegistry:
         self._fleet = fleet
         self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
+        self._newcomers_series.limit = fleet.limits.series // NEWCOMERS_SHARE
         self._newcomers.at_once = fleet.limits.new_robots
         self.rejections.reset()
         for domain_id, types in self._other_types.items():
@@ -117,7 +129,7 @@ class RobotRegistry:
         old = robot.settings
         if robot.declared and not (robot.up or robot.network.publishers):
             return None
-        for topic in (old.topic_agg, old.topic_raw):
+        for topic in (old.topic_agg, old.topic_raw, old.topic):
             if topic is not None:
                 at = Topic(old.domain_id, topic)
                 settings = self._settings_by_topic(name, at, shared=robot.shared)
@@ -143,20 +155,23 @@ class RobotRegistry:
         self, settings: config.Robot, now: Instant, *, declared: bool, known: bool = False
     ) -> RobotState | None:
         """A new robot, ``known`` to an earlier process; None where a limit rejects it."""
-        limit = self._limit()
+        is_new = not (declared or known)
+        series = self._newcomers_series if is_new and self._newcomers.limits(now) else self.series
+        limit = self._limit(series)
         if limit is not None and self._replace_one(now, at_once=declared):
-            limit = self._limit()
-        if limit is None and not (declared or known or self._newcomers.take(now)):
+            limit = self._limit(series)
+        if limit is None and is_new and not self._newcomers.take(now):
             limit = "new_robots"
         if limit is not None:
             self._reject(settings, limit, now)
             return None
-        self.series.add(SERIES_OF_ROBOT)
+        series.add(SERIES_OF_ROBOT)
         robot = RobotState(
-            settings, self._fleet.limits, self.series, self._events, now, declared=declared
+            settings, self._fleet.limits, series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
-        robot.is_newcomer = not known and self._newcomers.limits(now)
+        if is_new:
+            self._newcomers.note(robot, now)
         self.robots[settings.name] = robot
         if not declared:
             self._not_publishing[settings.name] = robot
@@ -175,7 +190,7 @@ class RobotRegistry:
         self._faults.remove(robot, now)
         self._unbind(robot)
         robot.components.remove_all()
-        self.series.remove(SERIES_OF_ROBOT)
+        robot.series.remove(SERIES_OF_ROBOT)
         self._not_publishing.pop(robot.settings.name, None)
         del self.robots[robot.settings.name]
 
@@ -191,11 +206,11 @@ class RobotRegistry:
         """Note that a robot publishes: no other replaces it any more."""
         self._not_publishing.pop(robot.settings.name, None)
 
-    def _limit(self) -> FleetRejectionReason | None:
-        """The limit that rejects one more robot, if there is one."""
+    def _limit(self, series: SeriesLimit) -> FleetRejectionReason | None:
+        """The limit that rejects one more robot with such series, if there is one."""
         if len(self.robots) >= self._fleet.limits.robots:
             return "robot_limit"
-        return "series_limit" if self.series.exceeded_by(SERIES_OF_ROBOT) else None
+        return "series_limit" if series.exceeded_by(SERIES_OF_ROBOT) else None
 
     def _replace_one(self, now: Instant, *, at_once: bool) -> bool:
         """Drop the robot that has had the longest time to publish and never did, if there is one.
@@ -218,26 +233,43 @@ class RobotRegistry:
 
         Those that were replaced before come last.
         """
+        self._newcomers.look(now)
         topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
         new = [
             each for each in topics if each not in self.bindings and each not in self.shared_topics
         ]
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
-        for discovery in self._fleet.discoveries:
-            for topic in new:
-                if topic not in self.bindings:
-                    self._discover(discovery, topic, now)
+        any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
+        self._add_found(new, any_type, now)
         self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
 
-    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> None:
+    def _add_found(self, arrays: Iterable[Topic], any_type: Iterable[Topic], now: Instant) -> None:
+        """Add the robots of these topics, until as many are rejected as are known to be.
+
+        Somebody may offer 100,000, and while they are looked at no robot is heard. ``arrays`` are
+        topics of diagnostics, ``any_type`` all, by which robots without diagnostics are found.
+        """
+        left = MAX_REJECTED
+        for discovery in self._fleet.discoveries:
+            for topic in any_type if discovery.source is config.Source.NONE else arrays:
+                if topic not in self.bindings and not self._discover(discovery, topic, now):
+                    left -= 1
+                if not left:
+                    return
+
+    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> bool:
+        """Add a topic's robot where the config wants it; False where a limit rejects it."""
         name = robot_name(discovery, topic.name, topic.domain_id)
         if name is None:
-            return
-        if name in self.robots:
+            return True
+        known = self.robots.get(name)
+        if known is not None and _is_at(known.settings, discovery, topic):
+            return True
+        if known is not None:
             self.rejections.reject_robot(topic, name, "duplicate_robot", now)
-        else:
-            found = found_robot(discovery, name, topic.name, topic.domain_id)
-            self.add(found, now, declared=False)
+            return True
+        found = found_robot(discovery, name, topic.name, topic.domain_id)
+        return self.add(found, now, declared=False) is not None
 
     def note_other_types(
         self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
@@ -253,7 +285,7 @@ class RobotRegistry:
         for topic, types in found:
             for discovery in self._fleet.discoveries:
                 name = robot_name(discovery, topic, domain_id)
-                if name is not None:
+                if name is not None and discovery.source is not config.Source.NONE:
                     why = f"the topic has another type, {', '.join(types):.200}"
                     at = Topic(domain_id, topic)
                     self.rejections.reject_robot(at, name, "wrong_type", now, why)
@@ -333,6 +365,13 @@ class RobotRegistry:
             if own and any(robot.wants(raw=raw) for robot, raw in bound):
                 yield topic.name, False
         yield from ((each.name, True) for each in self.shared_topics if each.domain_id == domain_id)
+
+
+def _is_at(settings: config.Robot, discovery: config.Discovery, topic: Topic) -> bool:
+    """Whether a robot is the one behind any topic of it that a discovery looks for."""
+    is_any = discovery.source is config.Source.NONE
+    at = topic.domain_id, namespace_of(discovery, topic.name)
+    return is_any and (settings.domain_id, settings.namespace) == at
 
 
 def _topics(settings: config.Robot) -> dict[Topic, bool]:

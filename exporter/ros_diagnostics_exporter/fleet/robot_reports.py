@@ -68,6 +68,7 @@ class RobotReports:
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
+        self._usual = ComponentSettings()  # of components of which fleet.yml says nothing
         self._monitors = False  # values: a rule has thresholds
         self._awaited = Awaited(robot)
         self._conditions = RobotConditions(robot)
@@ -88,6 +89,7 @@ class RobotReports:
         robot = self.robot
         name, profile = robot.settings.name, robot.settings.profile
         self._settings, self._limits = robot.settings, robot.limits
+        self._usual = ComponentSettings(profile.confirm_after, False, profile.stale_is_critical)
         self._declared, self._everything = robot.declared, True
         self._monitors = any(rule.thresholds for rule in profile.values)
         settings = RobotSettings(
@@ -362,6 +364,8 @@ class RobotReports:
 
     def _component_settings(self, component: Component) -> ComponentSettings:
         profile, rule = self._settings.profile, component.rule
+        if rule is None and component.feed is None and component not in self._dependencies:
+            return self._usual  # of most components, asked for at each change of a level
         own = None if rule is None else rule.confirm_after
         planned = rule is not None and rule.planned_stale
         if component.feed is not None:

@@ -238,6 +238,7 @@ class FleetState(WatchedFleet):
         self.fleet = fleet
         with self._watching:
             self._watch.leave_others(fleet.domain_ids)
+            self._watch.forget_types()
         self._faults.configure(fleet, now)
         self._feeds = _feeds(fleet)
         for robot in self._registry.configure(fleet, now):

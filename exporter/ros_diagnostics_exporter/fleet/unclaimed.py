@@ -26,7 +26,7 @@ class Claims:
     """The topics that the entries of a config take, or leave out by name."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self._discoveries = fleet.discoveries
+        self._discoveries = [each for each in fleet.discoveries if each.source is not Source.NONE]
         named = [(each.domain_id, each.topic_agg or each.topic_raw) for each in fleet.robots]
         named += [(each.domain_id, each.topic) for each in fleet.shared]
         self._topics = {Topic(domain, name) for domain, topic in named for name in _both(topic)}

@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.robots.rules import (
     value_matches,
     value_rule,
 )
+from ros_diagnostics_exporter.robots.updates import TOPICS
 from ros_diagnostics_exporter.robots.values import read_by
 from ros_diagnostics_exporter.texts import nearest
 
@@ -48,6 +49,7 @@ KINDS = (
     "discovery",
     "maintenance",
     "shared",
+    "topic",
     "value",
 )
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
@@ -213,6 +215,10 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
         matches = any(check_matches(check, group, name) for group, name, _keys in parts)
         near = "" if matches else nearest(text, names)
         yield Unmatched("check", f"{check.name}: {text}", near), matches
+    for topic in profile.topics:
+        matches = any(part[:2] == (TOPICS, topic.component) for part in parts)
+        entry = f"{topic.topic}: {topic.component}"
+        yield Unmatched("topic", entry, why="is received of no robot"), matches
     for rule in profile.components:
         if not rule.ignore:
             text = written([rule.pattern])
@@ -230,11 +236,11 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
 
 
 def _conditions(
-    conditions: Conditions | None, own: Pattern | None, parts: Collection[Part]
+    conditions: Conditions | None, about: Pattern | None, parts: Collection[Part]
 ) -> Iterator[tuple[Unmatched, bool]]:
-    """What the conditions of an entry ask about; ``own`` are the components that it is for."""
+    """What the conditions of an entry ask about; ``about`` are the components that it is for."""
     for each in () if conditions is None else (*conditions.when, *conditions.unless):
-        patterns = each.component or tuple(filter(None, (own,)))
+        patterns = each.component or tuple(filter(None, (about,)))
         asked = [part for part in parts if not patterns or _is_named(part, patterns)]
         keys = [key for _group, _name, keys in asked for key in keys]
         matches = any(key_matches(pattern, key) for key in keys for pattern in each.key)
@@ -304,9 +310,9 @@ class UnmatchedWatch:
         self.counts = dict.fromkeys(KINDS, 0)  # how many of each kind
         self._since: dict[Unmatched, float] = {}
 
-    def update(self, found: Iterable[Unmatched], now: Instant) -> None:
+    def update(self, unmatched: Iterable[Unmatched], now: Instant) -> None:
         """Take what matches nothing now."""
-        self._since = {each: self._since.get(each, now.mono) for each in found}
+        self._since = {each: self._since.get(each, now.mono) for each in unmatched}
         entries = tuple(each for each, at in self._since.items() if now.mono - at >= GRACE)
         for each in entries:
             if each not in self.entries:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
@@ -12,6 +13,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import MISSIONS, Row
+from ros_diagnostics_exporter.fleet.discovery import end_of_topic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.missions import FleetMissions
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
@@ -52,6 +54,8 @@ class WatchedFleet(ABC):
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
         self._watch = GraphWatch()
+        if fleet.sources:
+            self._watch.folder = fleet.sources[0].parent / "msg"
         self._watching = threading.Lock()  # of the watch
         self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
         self._faults = FaultReports(fleet, now, self._events)
@@ -79,6 +83,14 @@ class WatchedFleet(ABC):
         with self._lock:
             self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
 
+    def domain_deaf(self, domain_id: Domain, topics: Iterable[str], why: str, now: Instant) -> None:
+        """Note that this process receives nothing of some topics of a domain, though it should."""
+        with self._lock:
+            for name in topics:
+                for robot, _raw in self._registry.bindings.get(Topic(domain_id, name), ()):
+                    robot.network.domain_up = False
+            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {why}"))
+
     def received_since(self, domain_id: Domain, mono: float) -> list[bool]:
         """Of each robot of a domain that was received since then whether it is up."""
         with self._lock:
@@ -104,6 +116,15 @@ class WatchedFleet(ABC):
             for robot, _raw in self._registry.bindings.get(topic, ()):
                 robot.count_rejected("rate", count)
 
+    def silent_topics(self, domain_id: Domain) -> list[str]:
+        """The topics of a domain of which no robot is up."""
+        with self._lock:
+            return [
+                topic.name
+                for topic, bound in self._registry.bindings.items()
+                if topic.domain_id == domain_id and not any(robot.up for robot, _raw in bound)
+            ]
+
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
@@ -121,6 +142,14 @@ class WatchedFleet(ABC):
                     for robot, _raw in bound:
                         robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
 
+    def finders(self, domain_id: Domain) -> list[re.Pattern[str]]:
+        """The patterns of topics of a domain by which robots are found, whatever their types."""
+        return [
+            each.pattern
+            for each in self.fleet.discoveries
+            if each.source is config.Source.NONE and domain_id in each.domain_ids
+        ]
+
     def note_other_types(
         self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
     ) -> None:
@@ -133,20 +162,40 @@ class WatchedFleet(ABC):
 
         Returns whether any robot there is watched.
         """
-        with self._lock:
-            robots = [
-                robot.settings
-                for robot in self._registry.robots.values()
-                if robot.settings.domain_id == domain_id and not robot.shared
-            ]
+        robots = self._robots_of(domain_id)
+        shown = [robot for robot in robots if robot.is_shown_by_nodes]
         with self._watching:
-            self._watch.follow(domain_id, robots, now)
+            self._watch.follow(domain_id, (each.settings for each in robots), now)
             self._watch.see_nodes(domain_id, nodes, now)
             reports = list(self._watch.reports(domain_id, now))
             watches = self._watch.watches(domain_id)
+            present = self._watch.present(domain_id) if shown else ()
+        for robot in shown:
+            if robot.settings.name in present:
+                self._note_seen(robot, now)
         for report in reports:
             self._receive_report(report, now)
         return watches
+
+    def _robots_of(self, domain_id: Domain) -> list[RobotState]:
+        """The robots of a domain that have a namespace of their own."""
+        with self._lock:
+            return [
+                robot
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id
+                and robot.settings.in_ros
+                and not robot.shared
+            ]
+
+    def _note_seen(self, robot: RobotState, now: Instant) -> None:
+        """Note that a node of a robot is there, where that shows that it is up."""
+        with self._lock:
+            if self._registry.robots.get(robot.settings.name) is robot:
+                if not robot.up:
+                    self._registry.mark_publishing(robot)
+                robot.note_seen(now)
+                self._follow(robot, now)
 
     def update_endpoints(
         self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
@@ -224,6 +273,87 @@ class WatchedFleet(ABC):
                 if robot is not None:
                     self._with_missions().follow_server(robot, change, now)
                     self._follow(robot, now)
+
+    def offered(
+        self, domain_id: Domain, topic: str, kind: str, type_hash: str, now: Instant
+    ) -> bool:
+        """Whether such a topic is read whose publishers offer this definition of its type."""
+        with self._watching:
+            return self._watch.offered(domain_id, topic, kind, type_hash, now)
+
+    def refuse_watched(self, domain_id: Domain, topic: str, why: str, now: Instant) -> None:
+        """Note why such a topic cannot be read."""
+        with self._watching:
+            self._watch.refuse(domain_id, topic, why, now)
+
+    def receive_fields(
+        self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> float:
+        """Take a message of a topic whose fields are components of a robot.
+
+        Returns until when, monotonic, no other message of it is read.
+        """
+        self.record_watched(domain_id, topic, kind, data, now)
+        with self._watching:
+            found = self._watch.see_fields(domain_id, topic, kind, data, now)
+            due = self._watch.due(domain_id, topic)
+        with self._lock:
+            for name, statuses in found.items():
+                robot = self._registry.robots.get(name)
+                if robot is not None:
+                    if not robot.up:
+                        self._registry.mark_publishing(robot)
+                    robot.receive_fields(truncate_array(Array(0.0, tuple(statuses))).statuses, now)
+                    self._follow(robot, now)
+        return due
+
+    def update_offered(
+        self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> dict[str, str]:
+        """Take the types of what is published where nodes are not seen: in zenoh, in a recording.
+
+        Returns those of the topics to be subscribed beside diagnostics.
+        """
+        robots = self._robots_of(domain_id)
+        with self._watching:
+            self._watch.follow(domain_id, (each.settings for each in robots), now)
+            wanted = self._watch.wanted(domain_id, types, now)
+            reports = list(self._watch.reports(domain_id, now))
+        for report in reports:
+            self._receive_report(report, now)
+        return wanted
+
+    def note_offered(self, domain_id: Domain, topics: Iterable[str], now: Instant) -> None:
+        """Take the small topics that somebody publishes where nodes are not seen."""
+        shown = [each for each in self._robots_of(domain_id) if each.is_shown_by_nodes]
+        with self._watching:
+            self._watch.see_offered(domain_id, topics)
+            present = self._watch.present(domain_id)
+        for robot in shown:
+            if robot.settings.name in present:
+                self._note_seen(robot, now)
+
+    def asked_topics(self, domain_id: Domain) -> frozenset[str]:
+        """The names, or ends of names, of all small topics that are asked for in a domain."""
+        found = [each for each in self.fleet.discoveries if domain_id in each.domain_ids]
+        profiles = [each.profile for each in self.fleet.robots if each.domain_id == domain_id]
+        profiles += [each.profile for each in found]
+        names = {entry.topic for profile in profiles for entry in profile.topics}
+        return frozenset(names | {end for each in found if (end := end_of_topic(each))})
+
+    def define(self, kind: str, text: str) -> None:
+        """Take the definition that a recording has of a type."""
+        with self._watching:
+            self._watch.types.define(kind, text)
+
+    def definition(self, kind: str) -> str:
+        """The definition of a type of messages that was received, with all that it uses.
+
+        Raises:
+            UnknownTypeError: nothing is known of it any more.
+        """
+        with self._watching:
+            return self._watch.types.find(kind).text
 
     def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""

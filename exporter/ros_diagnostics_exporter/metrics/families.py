@@ -40,7 +40,7 @@ def _family(name: str, kind: str, help_: str, labels: tuple[str, ...], **more: A
 ROBOT_INFO = _family(
     "robot_info",
     "gauge",
-    "Inventory: 1 for every known robot, also one declared and never seen.",
+    "1 for every known robot, with its labels; also for one that was never received.",
     (*ROBOT, "exporter", "ros_namespace", "domain_id", "topic", "profile", "address"),
     open=True,
     part=Part.FAULTS,
@@ -48,14 +48,15 @@ ROBOT_INFO = _family(
 ROBOT_UP = _family(
     "robot_up",
     "gauge",
-    "1 while messages arrive (of queries alone: from the first on), 0 while silent or never seen.",
+    "1 while messages arrive, 0 while the robot is silent or was never received. A robot of "
+    "queries alone is up from its first answer on.",
     (*ROBOT, "exporter"),
     part=Part.FAULTS,
 )
 ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
     "gauge",
-    "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
+    "Why a robot is not up: the present reason is 1, earlier ones are 0 (never_seen, "
     "publisher_gone, mute, undecodable, wrong_type, incompatible_qos, unreachable, "
     "domain_unreachable, uplink_down, limit).",
     (*ROBOT, "reason"),
@@ -122,8 +123,8 @@ ROBOT_LINK_JITTER = _family(
 ROBOT_LINK_CLOCK = _family(
     "robot_link_clock_offset_seconds",
     "gauge",
-    "By how much the robot's clock is behind the exporter's at most, and below zero by how much it "
-    "is ahead at least: the least of receive minus send time of the last minute's messages.",
+    "The least of receive time minus send time of the last minute's messages: the robot's "
+    "clock is behind the exporter's by at most this, or, below zero, ahead by at least this.",
     ROBOT,
 )
 ROBOT_WATCHED = _family(
@@ -143,7 +144,7 @@ ROBOT_EXPECTED_NODES = _family(
 ROBOT_REJECTED = _family(
     "robot_rejected_total",
     "counter",
-    "What was received and rejected, by reason; every reason from 0 on.",
+    "Messages and parts of messages that were rejected, by reason; every reason from 0 on.",
     (*ROBOT, "reason"),
 )
 CHECK_COMPONENTS = _family(
@@ -211,7 +212,7 @@ COMPONENT_STALE_AFTER = _family(
 COMPONENT_PLANNED_STALE = _family(
     "component_planned_stale",
     "gauge",
-    "1 for components whose STALE the config plans and that should page nobody.",
+    "1 while the component is STALE as planned in fleet.yml, so that nobody is notified.",
     COMPONENT,
 )
 COMPONENT_MAINTENANCE = _family(
@@ -223,16 +224,17 @@ COMPONENT_MAINTENANCE = _family(
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
-    "1 with the status' message, while the level is not OK; one that differs from it only in "
-    "digits is not taken. Of a component that no longer reports, that it does not, and "
-    "its last one.",
+    "1 with the component's message, while it is not OK. A message that differs in digits "
+    "alone does not replace it. For a component that no longer reports: that it does not, and "
+    "its last message.",
     (*COMPONENT, "message"),
 )
 COMPONENT_SUPPRESSED = _family(
     "component_suppressed",
     "gauge",
-    "1 while a fault that is due does not begin because another one explains it: that of what the "
-    "component depends on (depends_on), or of a capability that needs it (capability).",
+    "1 while a fault that is due does not begin because another one says it: that of a "
+    "component that it depends on (depends_on), or of a capability that needs it "
+    "(capability).",
     (*COMPONENT, "reason"),
 )
 COMPONENT_INFO = _family(
@@ -289,7 +291,8 @@ MISSION_FAMILIES = (GOALS, GOALS_RUNNING, GOAL_DURATION, INTERVENTIONS, AUTONOMO
 SITE_RECEIVED = _family(
     "site_received_robots",
     "gauge",
-    "Robots of a site that are received; of a pair the exporter that receives most speaks for it.",
+    "Robots of a site that are received. Of a pair, the exporter that receives most of them "
+    "counts.",
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
@@ -362,9 +365,9 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time), with what was known when it was confirmed, in "
-    "lines of at most 512 characters together, and what the robot can no longer do; present from "
-    "its confirmation to its end, after a restart from when it is confirmed anew.",
+    "When the trouble of a fault began (Unix time). The labels have the details at the time "
+    "of its confirmation, at most 640 characters, and the lost capabilities. Present until "
+    "its end; after a restart from when it is confirmed anew.",
     (*FAULT, "evidence", "capabilities"),
     open=True,
     part=Part.FAULTS,
@@ -401,9 +404,9 @@ FAULT_NOTIFIED = _family(
 FAULT_END = _family(
     "fault_end_timestamp_seconds",
     "gauge",
-    "When a fault ended (Unix time), whether it recovered or a person removed it, and the message "
-    "that ended it; until it has been served for an hour, or the same begins again. With a robot "
-    "alone: all that is held of a robot that a person forgot.",
+    "When a fault ended (Unix time), whether it recovered or a person removed it, and the "
+    "message that ended it. Present for an hour, or until it begins again. With a robot "
+    "alone: a person forgot this robot.",
     (*FAULT, "reason", "evidence"),
     open=True,
     part=Part.FAULTS,

@@ -170,7 +170,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_rejected_total",
             "counter",
-            "What belongs to no known robot and was rejected, by reason; every reason from 0 on.",
+            "Messages of no known robot that were rejected, by reason; every reason from 0 on.",
             (*EXPORTER, "reason"),
         ),
         lambda exporter: _by_label(exporter.state.rejected),

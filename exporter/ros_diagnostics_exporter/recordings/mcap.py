@@ -10,7 +10,6 @@ from typing import NamedTuple
 from mcap.writer import Writer
 
 from ros_diagnostics_exporter import __version__, zstd
-from ros_diagnostics_exporter.recordings.schemas import SCHEMAS
 from ros_diagnostics_exporter.texts import encodable
 
 LEVEL = 3  # of the compression
@@ -18,10 +17,11 @@ _message = struct.Struct("<QI")  # its time, and the length of what follows
 
 
 class Channel(NamedTuple):
-    """A topic of one type."""
+    """A topic of one type, whose ``definition`` is "" where it is not known any more."""
 
     topic: str
     kind: str
+    definition: str
 
 
 class Chunk(NamedTuple):
@@ -98,11 +98,11 @@ def _in_order(
     writer: Writer, recorded: Iterable[tuple[Channel, Iterable[Chunk]]]
 ) -> list[tuple[int, Chunk]]:
     """The chunks of all topics by their begin, with their channels, which are written."""
-    schemas: dict[str, int] = {}
+    schemas = {"": 0}  # by definition; 0 is MCAP's number of none
     listed: list[tuple[int, Chunk]] = []
-    for (topic, kind), chunks in recorded:
-        if kind not in schemas:
-            schemas[kind] = writer.register_schema(kind, "ros2msg", SCHEMAS[kind].encode())
-        channel = writer.register_channel(encodable(topic), "cdr", schemas[kind])
+    for (topic, kind, text), chunks in recorded:
+        if text not in schemas:
+            schemas[text] = writer.register_schema(kind, "ros2msg", text.encode())
+        channel = writer.register_channel(encodable(topic), "cdr", schemas[text])
         listed += [(channel, chunk) for chunk in chunks]
     return sorted(listed, key=lambda each: each[1].begin)

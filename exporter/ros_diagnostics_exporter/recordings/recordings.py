@@ -20,11 +20,13 @@ import yaml
 from ros_diagnostics_exporter.config.fleet import RecordingSettings
 from ros_diagnostics_exporter.config.load import FOLDERS, files_of
 from ros_diagnostics_exporter.config.yaml_file import read
+from ros_diagnostics_exporter.decode.messages import UnknownTypeError
 from ros_diagnostics_exporter.events import Event, filled
 from ros_diagnostics_exporter.files import write_new
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.recordings.mcap import Attachment, Channel, Chunk, write
 from ros_diagnostics_exporter.recordings.rings import Rings
+from ros_diagnostics_exporter.recordings.schemas import SCHEMAS
 
 
 def config_lines(config_file: Path, robot: str) -> str:
@@ -98,6 +100,7 @@ class FaultRecordings:
         topics: The topics of a robot by its name.
         limits: How many are kept.
         settings: How much of the past they have.
+        definition: That of a type of messages that drivers have.
     """
 
     def __init__(
@@ -106,12 +109,14 @@ class FaultRecordings:
         config_file: Path,
         topics: Callable[[str], tuple[Topic, ...]],
         limits: Kept | None = None,
+        *,
         settings: RecordingSettings | None = None,
+        definition: Callable[[str], str] = SCHEMAS.__getitem__,
     ) -> None:
         self.rings = Rings()
         self.skipped = 0  # faults in storms
         self._folder, self._config_file = folder, config_file
-        self._topics = topics
+        self._topics, self._definition = topics, definition
         self._limits = limits or Kept()
         self._waiting: deque[Waiting] = deque()
         self._begun: deque[float] = deque()  # of late, monotonic
@@ -257,16 +262,23 @@ class FaultRecordings:
         for topic in waiting.topics:
             if (ring := self.rings.get(Stream(topic))) is not None:
                 chunks = ring.chunks(begin, end, _ns(settings.before))
-                recorded.append((Channel(topic.name, Stream(topic).kind), chunks))
+                recorded.append((self._channel(topic, Stream(topic).kind), chunks))
         last = max((chunk.end for _channel, chunks in recorded for chunk in chunks), default=None)
         if last is not None:  # of a robot that is silent what it said last
             begin = min(begin, last - _ns(settings.before))
         for (topic, kind, _robot), ring in self.rings.beside(event.robot).items():
-            recorded.append((Channel(topic.name, kind), ring.chunks(begin, end)))
+            recorded.append((self._channel(topic, kind), ring.chunks(begin, end)))
         recorded = [(channel, chunks) for channel, chunks in recorded if chunks]
         if not recorded:
             return None
         return write(recorded, _metadata(waiting), self._attached(waiting), _ns(now.wall))
+
+    def _channel(self, topic: Topic, kind: str) -> Channel:
+        try:
+            definition = SCHEMAS.get(kind) or self._definition(kind)
+        except UnknownTypeError:
+            definition = ""  # somebody removed it since the message was received
+        return Channel(topic.name, kind, definition)
 
     def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
         described = {

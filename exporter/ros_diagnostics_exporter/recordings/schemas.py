@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.graph_messages import (
-    BATTERY_TYPE,
     LOG_TYPE,
     PARAMETERS_TYPE,
     TRANSITION_TYPE,
@@ -88,46 +87,6 @@ MSG: lifecycle_msgs/State
 uint8 id
 string label
 """,
-    BATTERY_TYPE: f"""uint8 POWER_SUPPLY_STATUS_UNKNOWN=0
-uint8 POWER_SUPPLY_STATUS_CHARGING=1
-uint8 POWER_SUPPLY_STATUS_DISCHARGING=2
-uint8 POWER_SUPPLY_STATUS_NOT_CHARGING=3
-uint8 POWER_SUPPLY_STATUS_FULL=4
-uint8 POWER_SUPPLY_HEALTH_UNKNOWN=0
-uint8 POWER_SUPPLY_HEALTH_GOOD=1
-uint8 POWER_SUPPLY_HEALTH_OVERHEAT=2
-uint8 POWER_SUPPLY_HEALTH_DEAD=3
-uint8 POWER_SUPPLY_HEALTH_OVERVOLTAGE=4
-uint8 POWER_SUPPLY_HEALTH_UNSPEC_FAILURE=5
-uint8 POWER_SUPPLY_HEALTH_COLD=6
-uint8 POWER_SUPPLY_HEALTH_WATCHDOG_TIMER_EXPIRE=7
-uint8 POWER_SUPPLY_HEALTH_SAFETY_TIMER_EXPIRE=8
-uint8 POWER_SUPPLY_TECHNOLOGY_UNKNOWN=0
-uint8 POWER_SUPPLY_TECHNOLOGY_NIMH=1
-uint8 POWER_SUPPLY_TECHNOLOGY_LION=2
-uint8 POWER_SUPPLY_TECHNOLOGY_LIPO=3
-uint8 POWER_SUPPLY_TECHNOLOGY_LIFE=4
-uint8 POWER_SUPPLY_TECHNOLOGY_NICD=5
-uint8 POWER_SUPPLY_TECHNOLOGY_LIMN=6
-uint8 POWER_SUPPLY_TECHNOLOGY_TERNARY=7
-uint8 POWER_SUPPLY_TECHNOLOGY_VRLA=8
-std_msgs/Header header
-float32 voltage
-float32 temperature
-float32 current
-float32 charge
-float32 capacity
-float32 design_capacity
-float32 percentage
-uint8 power_supply_status
-uint8 power_supply_health
-uint8 power_supply_technology
-bool present
-float32[] cell_voltage
-float32[] cell_temperature
-string location
-string serial_number
-{_STAMPED}""",
     GOALS_TYPE: f"""GoalStatus[] status_list
 {RULE}
 MSG: action_msgs/GoalStatus

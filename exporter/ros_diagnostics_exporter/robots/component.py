@@ -38,6 +38,8 @@ class Held(NamedTuple):
     gap: float
 
 
+FIELDS = "fields:"  # in identities of what is made of fields of topics, in place of a group
+
 Identity = tuple[
     str, str, str
 ]  # name, group where that is part of it, hardware_id where the name is not unique
@@ -101,6 +103,11 @@ class Component:
     def is_exact(self) -> bool:
         """Whether its name is known as it was published, not only as an aggregator has it."""
         return not self.identity[1]
+
+    @property
+    def is_of_fields(self) -> bool:
+        """Whether it is made of fields of a topic, and no array has it."""
+        return self.identity[1] == FIELDS
 
     @property
     def is_stale(self) -> bool:

@@ -68,7 +68,8 @@ class Components:
 
     def __post_init__(self) -> None:
         # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
-        self._value_series = SeriesLimit(self._limits.robot_series, self._series)
+        most = self._limits.robot_series
+        self._value_series = SeriesLimit(most, self._series, "robot_series_limit")
 
     def __iter__(self) -> Iterator[Component]:
         """All components, in the order in which they were added."""

@@ -78,35 +78,39 @@ def unique_name(name: str, taken: dict[str, int], mark: str) -> str:
 
 
 class SeriesLimit:
-    """How many series the values of one robot, or the whole exporter, may have.
+    """How many series the values of one robot, new robots, or the whole exporter, may have.
 
-    ``parent`` is the limit of the whole exporter, which a robot's series count against, too.
+    ``parent`` is the limit of more of them, which these series count against, too; ``reason`` is
+    why what is beyond is rejected.
     """
 
-    __slots__ = ("_parent", "limit", "used")
+    __slots__ = ("_parent", "_reason", "limit", "used")
 
-    def __init__(self, limit: int, parent: SeriesLimit | None = None) -> None:
+    def __init__(
+        self,
+        limit: int,
+        parent: SeriesLimit | None = None,
+        reason: SeriesLimitReason = "series_limit",
+    ) -> None:
         self.limit = limit
         self.used = 0
-        self._parent = parent
+        self._parent, self._reason = parent, reason
 
     def exceeded_by(self, series: int) -> SeriesLimitReason | None:
         """The limit that so many more series would exceed; None where they fit."""
         if self.used + series > self.limit:
-            return "series_limit" if self._parent is None else "robot_series_limit"
+            return self._reason
         return None if self._parent is None else self._parent.exceeded_by(series)
 
     def add(self, series: int) -> SeriesLimitReason | None:
         """Count ``series``; where they do not fit count nothing, and return the limit."""
         limit = self.exceeded_by(series)
         if limit is None:
-            self.used += series
-            if self._parent is not None:
-                self._parent.used += series
+            self.remove(-series)
         return limit
 
     def remove(self, series: int) -> None:
         """Count ``series`` less."""
         self.used -= series
         if self._parent is not None:
-            self._parent.used -= series
+            self._parent.remove(series)

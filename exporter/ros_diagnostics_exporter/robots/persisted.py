@@ -51,7 +51,7 @@ class PersistedRobot:
 
     domain_id: Annotated[int, Field(ge=0, le=232)] | Literal["zenoh"]
     topic: Text
-    source: Literal["agg", "raw", "both", "auto", "queries"]
+    source: Literal["agg", "raw", "both", "auto", "none", "queries"]
     last_seen: Moment
     components: list[PersistedComponent]
     origin: Origin

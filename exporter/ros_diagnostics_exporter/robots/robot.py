@@ -5,9 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -32,6 +30,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.missions import Missions
+from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.reading import AutoSource
 from ros_diagnostics_exporter.robots.rejections import (
@@ -42,6 +41,7 @@ from ros_diagnostics_exporter.robots.rejections import (
 )
 from ros_diagnostics_exporter.robots.tree import AggregatedUpdates
 from ros_diagnostics_exporter.robots.updates import (
+    FieldUpdates,
     MeasuredUpdates,
     RawUpdates,
     query_of,
@@ -56,63 +56,6 @@ ROWS_OF_COMPONENT = 4
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 FLEETING = 60.0  # seconds for which a newcomer has to be received until its silence is a fault
 FLEETING_KEPT = 600.0  # ... and for which one is kept that was received for less
-_NO_PUBLISHER = Endpoint(0)
-
-
-@marking(
-    domain_up=Mark.RECEIPT,
-    uplink_up=Mark.RECEIPT,
-    link=Mark.RECEIPT,
-    expected_nodes=Mark.RECEIPT,
-    watched=Mark.RECEIPT,
-)
-@dataclass(slots=True, eq=False, repr=False)
-class Network:
-    """The endpoints of one robot's topics as the ROS graph last showed them."""
-
-    marks: Marks[Any]
-    domain_up: bool = True
-    uplink_up: bool = True
-    link: LinkReading | None = None  # how messages arrive, where that is known
-    expected_nodes: int | None = None  # None: nothing of the graph is known
-    lossy: bool = False  # so many are lost that what is not received says nothing
-    logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
-    watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
-    _endpoints: dict[str, Endpoint] = field(default_factory=dict, init=False)
-
-    def update(self, topic: str, endpoint: Endpoint | None) -> bool:
-        """Set a topic's endpoint; True if more than its reliability changed."""
-        endpoint = (endpoint or _NO_PUBLISHER)._replace(reliable=True)
-        if self._endpoints.get(topic, _NO_PUBLISHER) == endpoint:
-            return False
-        self._endpoints[topic] = endpoint
-        self.marks.note(Mark.RECEIPT)
-        return True
-
-    @property
-    def publishers(self) -> int:
-        """Matched publishers on all of the robot's topics."""
-        return sum(endpoint.publishers for endpoint in self._endpoints.values())
-
-    @property
-    def is_reached(self) -> bool:
-        """Whether nothing that the robot is behind is known to fail."""
-        return self.domain_up and self.uplink_up
-
-    @property
-    def obstacle(self) -> SilentReason | None:
-        """The reason, if the graph shows why nothing can be received."""
-        if not self.domain_up:
-            return "domain_unreachable"
-        if not self.uplink_up:
-            return "uplink_down"
-        if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
-            return "wrong_type"
-        if any(endpoint.refused for endpoint in self._endpoints.values()):
-            return "incompatible_qos"
-        if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
-            return "unreachable"
-        return None
 
 
 @marking(
@@ -151,6 +94,7 @@ class RobotState:
         self.settings = settings
         self.declared = declared
         self.shared = False
+        self.series = series
         self.found_mono = self.seen_mono = now.mono
         self.limits = limits
         self.up = False
@@ -184,6 +128,7 @@ class RobotState:
         self._raw = RawUpdates(self.components, self.reject)
         self.measured = MeasuredUpdates(self.components)
         self.missions: Missions | None = None  # of the actions that were seen
+        self._fields = FieldUpdates(self.components)
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
@@ -224,15 +169,17 @@ class RobotState:
 
     @property
     def topic(self) -> str:
-        """The topic that it is read from; "" where it has no ROS."""
+        """The topic that it is read from, or found by; "" where there is none."""
         raw, aggregated = self.settings.topic_raw, self.settings.topic_agg
         both = (raw, aggregated) if self.source is config.Source.RAW else (aggregated, raw)
-        return next(filter(None, both), "")
+        return next(filter(None, (*both, self.settings.topic)), "")
 
     def _leave_raw(self, now: Instant) -> None:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
         self._is_switched = False
         for component in [each for each in self.components if each.raw_received is not None]:
+            if component.is_of_fields:
+                continue
             if self._aggregated.lists(component):
                 component.raw_received, component.gaps = None, ()
             elif query_of(component.identity) is None:
@@ -278,9 +225,32 @@ class RobotState:
         if statuses and self._has_no_ros:
             self._note_received(now)
 
+    def receive_fields(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update components from the fields of a topic that fleet.yml asks for."""
+        self._note_received(now)
+        names = {each.component for each in self.settings.profile.topics}
+        self._fields.apply([each for each in statuses if each.name in names], now)
+
+    @property
+    def is_shown_by_nodes(self) -> bool:
+        """Whether it is up, too, while any of its nodes is in the ROS graph.
+
+        That is so of a robot of which no diagnostics came yet, where fleet.yml asks for more.
+        """
+        source, profile = self.settings.source, self.settings.profile
+        asks = source is config.Source.NONE or profile.topics or profile.graph.watch.asks
+        if not asks or self.messages or source is config.Source.QUERIES:
+            return False
+        return all(each.is_of_fields or query_of(each.identity) for each in self.components)
+
+    def note_seen(self, now: Instant) -> None:
+        """Note that a node of it is in the ROS graph."""
+        self._note_received(now)
+
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
-        """Forget the components of feeds that the config no longer has."""
-        for component in self.measured.follow(feeds):
+        """Forget the components of feeds, and of topics, that the config no longer has."""
+        names = {each.component for each in self.settings.profile.topics}
+        for component in (*self.measured.follow(feeds), *self._fields.lost(names)):
             self.forget(component, now)
 
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
@@ -447,7 +417,7 @@ class RobotState:
         settings = self.settings
         return PersistedRobot(
             domain_id=settings.domain_id,
-            topic=settings.topic_agg or settings.topic_raw or "",
+            topic=settings.topic_agg or settings.topic_raw or settings.topic or "",
             source=self.source.value,
             last_seen=self.last_wall,
             components=[each.persist(now) for each in self.components if each.level >= 0],

@@ -152,6 +152,7 @@ class AggregatedUpdates:
             component
             for identity, component in components.by_identity.items()
             if structure.leaves and identity not in listed and component.raw_received is None
+            if not component.is_of_fields
         ]
 
     def _find_former(
@@ -327,18 +328,18 @@ def _is_block(header: Status, block: Sequence[Status]) -> bool:
     return True
 
 
-def _merge(found: dict[int, tuple[str, str, bool]]) -> tuple[Leaf, ...]:
+def _merge(places: dict[int, tuple[str, str, bool]]) -> tuple[Leaf, ...]:
     """One leaf for each component, in the order of first appearance."""
     rows: dict[tuple[str, str], list[int]] = {}
-    for row in sorted(found):
-        component, group, exact = found[row]
+    for row in sorted(places):
+        component, group, exact = places[row]
         rows.setdefault((component, "" if exact else group), []).append(row)
     return tuple(
         Leaf(
             component,
-            min((found[row][1] for row in own), key=str.encode),
+            min((places[row][1] for row in own), key=str.encode),
             tuple(own),
-            found[own[-1]][2],
+            places[own[-1]][2],
         )
         for (component, _group), own in rows.items()
     )

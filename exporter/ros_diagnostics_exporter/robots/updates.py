@@ -7,16 +7,23 @@ for the other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import STALE_AFTER_FIRST, Component, Held, Identity
+from ros_diagnostics_exporter.robots.component import (
+    FIELDS,
+    STALE_AFTER_FIRST,
+    Component,
+    Held,
+    Identity,
+)
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
 from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
 _MARK = "query:"
+TOPICS = "Topics"  # the group of components that are made of fields
 
 
 def query_of(identity: Identity) -> str | None:
@@ -78,6 +85,26 @@ class MeasuredUpdates:
         """When the query that measures a component was last answered; None where none does."""
         query = query_of(component.identity)
         return None if query is None else self.answered.get(query, float("-inf"))
+
+
+class FieldUpdates:
+    """Applies what fleet.yml makes of fields of small topics: each renewed by its own topic."""
+
+    def __init__(self, components: Components) -> None:
+        self._components = components
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components of some entries."""
+        for status in statuses:
+            identity = (status.name, FIELDS, "")
+            component = self._components.get_or_add(identity, TOPICS, now)
+            if component is not None:
+                self._components.update_raw(component, status, now)
+
+    def lost(self, names: Container[str]) -> list[Component]:
+        """The components of entries that the config no longer has."""
+        found = [each for each in self._components if each.is_of_fields]
+        return [each for each in found if each.identity[0] not in names]
 
 
 class RawUpdates:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import logging
 import os
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import partial
 from importlib import metadata
-from time import thread_time
+from time import monotonic, thread_time
 from typing import Any
 
 from typing_extensions import override
@@ -22,7 +22,8 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.addresses import update_fast_dds
 from ros_diagnostics_exporter.sources.link import Link
-from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Count, Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
     MiddlewareMissingError,
     RosMissingError,
@@ -45,6 +46,7 @@ try:
         ReliabilityPolicy,
     )
     from rclpy.serialization import deserialize_message
+    from rclpy.subscription import Subscription
 
     from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader, Subscribed
     from ros_diagnostics_exporter.sources.dds_names import (
@@ -143,7 +145,7 @@ class DdsDomain(Reception):
         self._cost = 0.0  # CPU seconds of the last list of all topics
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
-        self._asked_last = ""
+        self._asked_last, self._asked_at = "", 0.0  # the last topic; when, monotonic
         self._links_at = 0.0  # next, monotonic
         self._endpoints = EndpointReader(domain, receiver, self._subscriptions.get)
         self._watcher = Watcher(domain, receiver)
@@ -152,18 +154,11 @@ class DdsDomain(Reception):
 
     @override
     def join(self) -> None:
-        """A node without parameter and type description services and without /rosout."""
         check_ros()
         update_fast_dds()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
-        self._node = _make_node(
-            NODE_NAME,
-            context=self._context,
-            enable_rosout=False,
-            start_parameter_services=False,
-            parameter_overrides=[Parameter("start_type_description_service", value=False)],
-        )
+        self._node = make_guest(NODE_NAME, self._context)
 
     @override
     def leave(self) -> None:
@@ -179,6 +174,11 @@ class DdsDomain(Reception):
     @override
     def number(self, taken: tuple[bytes, Mapping[str, int | None]]) -> int:
         return taken[1]["publication_sequence_number"] or 0
+
+    @override
+    def identity(self, taken: tuple[bytes, Mapping[str, int | None]]) -> Hashable:
+        number, sent = taken[1]["publication_sequence_number"], taken[1]["source_timestamp"]
+        return (number, sent) if number and sent else super().identity(taken)
 
     @override
     def measure(self, link: Link, taken: tuple[bytes, Mapping[str, int | None]]) -> None:
@@ -238,8 +238,11 @@ class DdsDomain(Reception):
 
     def _read_topics(self, node: Node, found: Topics, now: Instant) -> Iterator[None]:
         """Report all topics, those that are due anew."""
+        finders = self.receiver.finders(self._domain)
         types = {
-            name: tuple(types) for name, types in found if TYPE in types or name in self.topics
+            name: tuple(types)
+            for name, types in found
+            if TYPE in types or name in self.topics or any(e.fullmatch(name) for e in finders)
         }
         others = {name: tuple(of) for name, of in found if name not in types}
         if others != self._other_types:
@@ -275,17 +278,16 @@ class DdsDomain(Reception):
         first = bisect_right(others, self._asked_last)
         chosen = (others[first:] + others[:first])[:MAX_ASKED]
         self._asked_last = chosen[-1] if chosen else ""
-        due = []
-        for name in types:
-            if (topic := self.topics.get(name)) is not None:
-                if (
-                    not topic.content.received
-                    or name not in self._known
-                    or self._has_turn(name, SELDOM)
-                ):
-                    due.append(name)
-                topic.content.received = False
+        due = [name for name in types if name in self.topics and self._is_due(name)]
+        self._asked_at = monotonic()
         return due + chosen
+
+    def _is_due(self, name: str) -> bool:
+        return (
+            self.topics[name].content.received_at < self._asked_at
+            or name not in self._known
+            or self._has_turn(name, SELDOM)
+        )
 
     def _has_turn(self, name: str, looks: int) -> bool:
         """At one of so many looks, each topic at another one."""
@@ -346,36 +348,56 @@ class DdsDomain(Reception):
         self, name: str, offer: bool, depth: int
     ) -> tuple[Callable[[], Any], Callable[[], object]]:
         node = self._joined_node
-        subscription = node.create_subscription(
-            DiagnosticArray,
-            name,
-            _never_called,
-            QoSProfile(
-                history=HistoryPolicy.KEEP_LAST,
-                depth=depth,
-                reliability=ReliabilityPolicy.RELIABLE if offer else ReliabilityPolicy.BEST_EFFORT,
-                durability=DurabilityPolicy.VOLATILE,
-            ),
-            raw=True,
-            # Each event that rclpy would watch for is one more thing to wait for.
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-        )
+        subscription, take = subscribe(node, name, reliable=offer, depth=depth)
         subscribed = self._subscriptions[name] = Subscribed(subscription)
 
         def close() -> None:
-            del self._subscriptions[name]
+            if self._subscriptions.get(name) is subscribed:  # else another one replaces it
+                del self._subscriptions[name]
             subscribed.close()
             node.destroy_subscription(subscription)
 
-        # Instead of rclpy's executors: they pass every subscription to the middleware before each
-        # single message, which for 100 robots costs more than all else together.
-        return partial(subscription.handle.take_message, DiagnosticArray, True), close
+        return take, close
 
     @property
     def _joined_node(self) -> Node:
         if self._node is None:
             raise RuntimeError("the domain is not joined")
         return self._node
+
+
+def subscribe(
+    node: Node, topic: str, *, reliable: bool, depth: int
+) -> tuple[Subscription, Callable[[], Any]]:
+    """A subscription, and what takes the next message of it as bytes; None where there is none."""
+    subscription = node.create_subscription(
+        DiagnosticArray,
+        topic,
+        _never_called,
+        QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=depth,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.VOLATILE,
+        ),
+        raw=True,
+        # Each event that rclpy would watch for is one more thing to wait for.
+        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+    )
+    # Instead of rclpy's executors: they pass every subscription to the middleware before each
+    # single message, which for 100 robots costs more than all else together.
+    return subscription, partial(subscription.handle.take_message, DiagnosticArray, True)
+
+
+def make_guest(name: str, context: Context) -> Node:
+    """A node without parameter and type description services and without /rosout."""
+    return _make_node(
+        name,
+        context=context,
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter("start_type_description_service", value=False)],
+    )
 
 
 class _Nothing:

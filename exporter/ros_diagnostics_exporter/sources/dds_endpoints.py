@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.config.robots import MESSAGE_TYPE
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.endpoint_names import NO_NODE, EndpointNames
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
-from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.receiver import Receiver
 
 # All topics' endpoints are read by turns, each at most once in so many seconds, and on average at
 # most this share of the time is spent on it: the more topics there are, the longer a round takes.

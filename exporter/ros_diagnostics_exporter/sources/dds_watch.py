@@ -6,7 +6,6 @@ Imported by `dds` alone, once it knows that there is ROS.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -16,31 +15,29 @@ from rcl_interfaces.msg import Log as RosLog
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import BatteryState
 
 from ros_diagnostics_exporter.decode.goals import decode_goals
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
+from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
 from ros_diagnostics_exporter.sources.graph_messages import (
-    BATTERY_TYPE,
     LOG_TYPE,
     PARAMETERS_TYPE,
     TRANSITION_TYPE,
-    Battery,
     Log,
     Message,
     Parameters,
     Transition,
 )
-from ros_diagnostics_exporter.sources.reception import Receiver
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 KINDS = {
     LOG_TYPE: RosLog,
     PARAMETERS_TYPE: ParameterEvent,
     TRANSITION_TYPE: TransitionEvent,
-    BATTERY_TYPE: BatteryState,
     GOALS_TYPE: GoalStatusArray,
 }
 
@@ -49,25 +46,7 @@ log = logging.getLogger(__name__)
 DEPTH = 200  # messages of one topic that the middleware holds between two looks
 LEVEL_AT, ERROR = 12, 40  # of a Log in CDR: behind 4 bytes of header and the stamp; the least
 GOALS_DEPTH = 10  # ... of the goals of one action: each list has all that its server keeps
-COUNTED = 60.0  # seconds over which bytes are counted
 MAX_VALUE = 80  # characters of a parameter
-# Of a battery: key, factor, unit. A number that its driver does not know is NaN.
-QUANTITIES = (
-    ("percentage", 100.0, "%"),
-    ("voltage", 1.0, "V"),
-    ("current", 1.0, "A"),
-    ("charge", 1.0, "Ah"),
-    ("capacity", 1.0, "Ah"),
-    ("temperature", 1.0, "°C"),
-)
-WORDS = {  # of the constants of BatteryState, by what stands before them
-    prefix: {
-        getattr(BatteryState, name): name.removeprefix(prefix).replace("_", " ").lower()
-        for name in dir(BatteryState)
-        if name.startswith(prefix)
-    }
-    for prefix in ("POWER_SUPPLY_STATUS_", "POWER_SUPPLY_HEALTH_")
-}
 
 
 class Watcher:
@@ -76,13 +55,15 @@ class Watcher:
     def __init__(self, domain: Domain, receiver: Receiver) -> None:
         self._domain, self._receiver = domain, receiver
         self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
-        self._bytes: dict[str, int] = {}
-        self._counted_at: float | None = None
+        self._bytes = WatchedBytes()
+        self._fields = FieldTopics(domain, receiver, self._bytes)
         self._looked_at = 0.0  # monotonic
 
     def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
         """Follow what is wanted, and take what has arrived; in small pieces."""
-        wanted = self._receiver.watched_topics(self._domain, types, now)
+        all_wanted = self._receiver.watched_topics(self._domain, types, now)
+        wanted = {name: kind for name, kind in all_wanted.items() if kind in KINDS}
+        others = {name: kind for name, kind in all_wanted.items() if kind not in KINDS}
         for name in self._topics.keys() - wanted.keys():
             node.destroy_subscription(self._topics.pop(name)[1])
         for name in wanted.keys() - self._topics.keys():
@@ -92,25 +73,21 @@ class Watcher:
             self._take(name, kind, subscription, now)
             yield
         self._looked_at = now.mono
+        yield from self._fields.look(node, others, now)
         self._count(now)
 
     def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:
-        latest = None
         for _ in range(DEPTH):
             taken = subscription.handle.take_message(KINDS[kind], True)
             if taken is None:
                 break
             data = taken[0]
-            self._bytes[name] = self._bytes.get(name, 0) + len(data)
+            self._bytes.add(name, len(data))
             self._receiver.record_watched(self._domain, name, kind, data, now)
             if kind == GOALS_TYPE:
                 self._receive_goals(name, data, self._received(taken[1], now))
-            elif kind == BATTERY_TYPE:
-                latest = data
             elif kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
-        if latest is not None:
-            self._receive(name, kind, latest, now)
 
     def _receive(self, name: str, kind: str, data: bytes, now: Instant) -> None:
         try:
@@ -137,14 +114,9 @@ class Watcher:
 
     def _count(self, now: Instant) -> None:
         """Report once a minute how much is received."""
-        if self._counted_at is None:
-            self._counted_at = now.mono
-        seconds = now.mono - self._counted_at
-        if seconds >= COUNTED:
-            rates = {name: count / seconds for name, count in self._bytes.items()}
+        rates = self._bytes.rates(now.mono)
+        if rates is not None:
             self._receiver.note_watched(self._domain, rates, now)
-            self._bytes.clear()
-            self._counted_at = now.mono
 
 
 def _subscribe(node: Any, name: str, kind: Any) -> Any:
@@ -152,8 +124,6 @@ def _subscribe(node: Any, name: str, kind: Any) -> Any:
     profile = QoSProfile(depth=DEPTH)
     if kind is GoalStatusArray:  # the last list is kept for who joins late
         profile = QoSProfile(depth=GOALS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    if kind is BatteryState:  # whose next message has all that a lost one had
-        profile.reliability = ReliabilityPolicy.BEST_EFFORT
     return node.create_subscription(
         kind, name, _never_called, profile, raw=True, event_callbacks=events
     )
@@ -165,27 +135,12 @@ def _read(message: Any) -> Message:
         return Log(message.name, message.msg)
     if isinstance(message, TransitionEvent):
         return Transition(message.start_state.label, message.goal_state.label)
-    if isinstance(message, BatteryState):
-        return _read_battery(message)
     changed = [
         (each.name, str(parameter_value_to_python(each.value))[:MAX_VALUE])
         for each in message.changed_parameters
     ]
     deleted = [(each.name, None) for each in message.deleted_parameters]
     return Parameters(message.node, (*changed, *deleted))
-
-
-def _read_battery(message: BatteryState) -> Battery:
-    state = WORDS["POWER_SUPPLY_STATUS_"].get(message.power_supply_status, "unknown")
-    health = WORDS["POWER_SUPPLY_HEALTH_"].get(message.power_supply_health, "unknown")
-    values = [
-        (key, f"{number:.6g} {unit}")
-        for key, factor, unit in QUANTITIES
-        if math.isfinite(number := factor * getattr(message, key))
-    ]
-    words = (("power_supply_status", state), ("power_supply_health", health))
-    present = ("present", str(message.present).lower())
-    return Battery(state, health, (*values, *words, present))
 
 
 def _never_called(_data: object) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.config.missions import rule_for
-from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.decode.messages import MessageTypes
+from ros_diagnostics_exporter.model import Domain, Instant, Status
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, ActionServer, ActionServers
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
@@ -29,6 +31,12 @@ from ros_diagnostics_exporter.sources.robot_graph import (
     Report,
     RobotGraph,
 )
+from ros_diagnostics_exporter.sources.topic_entries import (
+    MAX_BYTES,
+    Reading,
+    TopicEntries,
+    by_robot,
+)
 
 GLOBAL = (LOGS, PARAMETERS)  # topics of every node
 TRY_AGAIN = 3600.0  # seconds after which what was given up is subscribed again
@@ -43,6 +51,9 @@ class GraphWatch:
         self._restored: dict[str, Learned] = {}
         self._restored_at = 0.0
         self._owners: defaultdict[Domain, _Owners] = defaultdict(lambda: _Owners(()))
+        self.folder: Path | None = None  # of definitions, beside fleet.yml
+        self._types: MessageTypes | None = None  # None: none was needed yet
+        self._entries: defaultdict[Domain, TopicEntries] = defaultdict(TopicEntries)
         self._nodes: dict[Domain, list[tuple[str, str]]] = {}
         self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
@@ -63,11 +74,13 @@ class GraphWatch:
             return
         owners = self._owners[domain] = _Owners(robots)
         self._nodes.pop(domain, None)  # they may be other robots' now
+        self._entries[domain] = TopicEntries(owners.by_name.values())
         self._drop_others()
         for name, settings in owners.by_name.items():
             graph, namespace = settings.profile.graph, settings.namespace
             if name in self._robots:
                 self._robots[name].configure(graph, namespace, now)
+                self._robots[name].forget_unread(now)
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)
@@ -77,7 +90,7 @@ class GraphWatch:
     def leave_others(self, domains: Container[Domain]) -> None:
         """Drop the robots of all domains but these, which are not joined any more."""
         for domain in [each for each in self._owners if each not in domains]:
-            for known in (self._owners, self._nodes, self._wanted):
+            for known in (self._owners, self._nodes, self._wanted, self._entries):
                 known.pop(domain, None)
             self._chosen.pop(domain, None)
             self.servers.choose(domain, {})
@@ -134,6 +147,15 @@ class GraphWatch:
             if (domain, name) not in self._given_up and any(self._asking(domain, name, kind))
         }
         self._choose_servers(domain, wanted)
+        entries = self._entries[domain]
+        for name, kind in list(wanted.items()):
+            if why := entries.refusal(name, kind):
+                del wanted[name]
+                self._note(domain, entries.notes(name, why), now)
+        publishing = entries.publishing(types)
+        for name in self._owners[domain].by_name:
+            self._robots[name].has_topics = name in publishing
+        self._note(domain, entries.unseen(types, self.present(domain), now), now)
         return wanted
 
     def _choose_servers(self, domain: Domain, wanted: dict[str, str]) -> None:
@@ -168,12 +190,72 @@ class GraphWatch:
         for robot in owners.by_name if name in GLOBAL else [own] if own else ():
             if is_wanted(name, kind, self._robots[robot].settings.watch):
                 yield robot
+        yield from self._entries[domain].robots(name)
+
+    @property
+    def types(self) -> MessageTypes:
+        """The types of messages that are known."""
+        if self._types is None:
+            self._types = MessageTypes(self.folder)
+        return self._types
+
+    def forget_types(self) -> None:
+        """Read the definitions of types again: somebody may have put others beside fleet.yml."""
+        self._types = None
+
+    def present(self, domain: Domain) -> set[str]:
+        """The robots of which a node is there."""
+        return {name for name in self._owners[domain].by_name if self._robots[name].is_there}
+
+    def see_offered(self, domain: Domain, topics: Iterable[str]) -> None:
+        """Take what is published in a domain of which no nodes are seen."""
+        offered = {self._owners[domain].of(each) for each in topics}
+        for name in self._owners[domain].by_name:
+            self._robots[name].is_offered = name in offered
+
+    def _note(self, domain: Domain, readings: Iterable[Reading], now: Instant) -> None:
+        """Have robots say why an entry of theirs has no status, or that it has one again."""
+        for each in readings:
+            why = each.why and f"{each.component}: {each.why}"
+            self._robots[each.robot].note_unread((domain, each.component), why, now)
+
+    def offered(self, domain: Domain, topic: str, kind: str, type_hash: str, now: Instant) -> bool:
+        """Whether a topic is read whose publishers offer this definition of its type."""
+        entries = self._entries[domain]
+        why = entries.offer_refusal(kind, type_hash, self.types)
+        self.refuse(domain, topic, why, now)
+        return not why
+
+    def refuse(self, domain: Domain, topic: str, why: str, now: Instant) -> None:
+        """Note why a small topic is not read; "": it is."""
+        self._note(domain, self._entries[domain].notes(topic, why), now)
+
+    def see_fields(
+        self, domain: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> Mapping[str, list[Status]]:
+        """The statuses, by robot, that a serialized message of a small topic is for its entries."""
+        entries = self._entries[domain]
+        if len(data) > MAX_BYTES:
+            why = f"{topic} is given up: {len(data)} bytes, of at most {MAX_BYTES} of a message"
+            self._given_up[domain, topic] = now.mono + TRY_AGAIN
+            for robot in entries.robots(topic):
+                self._robots[robot].note_unread((domain, topic), why, now)
+            return {}
+        readings = list(entries.read(topic, kind, data, self.types, now))
+        self._note(domain, readings, now)
+        return by_robot(readings)
+
+    def due(self, domain: Domain, topic: str) -> float:
+        """When a small topic is read again, monotonic."""
+        return self._entries[domain].due(topic)
 
     def owner(self, domain: Domain, topic: str, kind: str, data: bytes) -> str | None:
         """The robot that a serialized message of such a topic is of, if it asks for such."""
         if kind == GOALS_TYPE:
             server = self.servers.find(domain, topic)
             return server.robot if server is not None and server.is_named else None
+        for asking in self._entries[domain].robots(topic):
+            return asking
         robot = self._owners[domain].of(node_in(topic, kind, data))
         if robot is not None and is_wanted(topic, kind, self._robots[robot].settings.watch):
             return robot

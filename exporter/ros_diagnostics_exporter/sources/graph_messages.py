@@ -1,4 +1,4 @@
-"""What nodes of one robot log, and say of their life cycle, parameters and batteries. Pure.
+"""What nodes of one robot log, and say of their life cycle and parameters. Pure.
 
 Only where fleet.yml asks: these topics are subscribed for it, and cost bytes of the robot's link.
 """
@@ -14,24 +14,20 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Watched
-from ros_diagnostics_exporter.model import Domain, Instant, Level, Status
+from ros_diagnostics_exporter.model import Domain, Instant, Level
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Seconds
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
 TRANSITIONS = "/transition_event"  # of one node, behind its name
-BATTERIES = "/battery_state"  # of one battery, behind a namespace
 LOG_TYPE = "rcl_interfaces/msg/Log"
 PARAMETERS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 TRANSITION_TYPE = "lifecycle_msgs/msg/TransitionEvent"
-BATTERY_TYPE = "sensor_msgs/msg/BatteryState"
 RECENT = 60.0  # seconds for which a log message is beside the robot's faults
 STUCK = 30.0  # ... for which a node may be between two states of its life cycle
 MOST = 20  # log messages that are kept, and nodes of which one is a fault
 MOST_NODES = 1000
-MOST_BATTERIES = 100
 MAX_TEXT = 1000  # characters of one that are kept
-SILENT = 60.0  # seconds after which what a battery said is not repeated: it becomes STALE
 LOGGER_AT, NODE_AT = 16, 12  # of a Log's and of a ParameterEvent's in CDR: where a text begins
 GIVEN_UP = "watch"  # the component that names what is read no more
 
@@ -59,27 +55,7 @@ class Parameters(NamedTuple):
     changed: tuple[tuple[str, str | None], ...]
 
 
-class Battery(NamedTuple):
-    """What a battery says of itself: words of its state and health, and values with their units."""
-
-    state: str
-    health: str
-    values: tuple[tuple[str, str], ...]
-
-    @property
-    def level(self) -> Level:
-        """As its health is: COLD passes, the others need somebody."""
-        if self.health in ("good", "unknown"):
-            return Level.OK
-        return Level.WARN if self.health == "cold" else Level.ERROR
-
-    def status(self, name: str) -> Status:
-        """As a component of its robot."""
-        text = self.state if self.level is Level.OK else f"health: {self.health}"
-        return Status(int(self.level), name, text, "", self.values)
-
-
-Message = Log | Transition | Parameters | Battery
+Message = Log | Transition | Parameters
 _Text = Annotated[str, Field(max_length=MAX_TEXT)]
 
 
@@ -92,22 +68,17 @@ class MessagesLearned(NamedTuple):
 
     logs: Annotated[dict[_Text, tuple[Seconds, _Text]], Field(max_length=MOST)]
     states: Annotated[dict[_Text, tuple[Seconds, _Text, _Text]], Field(max_length=MOST_NODES)]
-    batteries: Annotated[list[_Text], Field(max_length=MOST_BATTERIES)]
 
 
 def node_of(topic: str, message: Message) -> str:
-    """The full name of the node, or of the topic of a battery, that a message is about."""
+    """The full name of the node that a message is about."""
     if isinstance(message, Log):
         return f"/{message.logger.replace('.', '/')}"
-    if isinstance(message, Battery):
-        return topic
     return message.node if isinstance(message, Parameters) else topic.removesuffix(TRANSITIONS)
 
 
 def node_in(topic: str, kind: str, data: bytes) -> str:
     """`node_of` of a serialized message; "" where it names none."""
-    if kind == BATTERY_TYPE:
-        return topic
     if kind == TRANSITION_TYPE:
         return topic.removesuffix(TRANSITIONS)
     at = LOGGER_AT if kind == LOG_TYPE else NODE_AT
@@ -125,16 +96,13 @@ def is_wanted(topic: str, kind: str, watch: Watched) -> bool:
         return topic.endswith(STATUS)
     if kind == TRANSITION_TYPE:
         return watch.transitions and topic.endswith(TRANSITIONS)
-    if kind == BATTERY_TYPE:
-        return watch.batteries and topic.endswith(BATTERIES)
     wanted = {(LOGS, LOG_TYPE): watch.logs, (PARAMETERS, PARAMETERS_TYPE): watch.parameters}
     return wanted.get((topic, kind), False)
 
 
 def is_asked_for(component: str) -> bool:
-    """Whether a component is made of such messages: batteries have their topics' names."""
-    kind, blank, _node = component.partition(" ")
-    return kind in ("log", "lifecycle", GIVEN_UP) or f"/{kind}{blank}".endswith(BATTERIES)
+    """Whether a component is made of such messages."""
+    return component.partition(" ")[0] in ("log", "lifecycle", GIVEN_UP)
 
 
 class Stopwatch:
@@ -165,14 +133,11 @@ class Messages:
         self._logs: deque[tuple[float, str]] = deque(maxlen=MOST)
         self._matches: dict[str, tuple[float, str]] = {}  # node -> when, text
         self._states: dict[str, tuple[float, Transition]] = {}
-        self._batteries: dict[str, tuple[float, Battery | None]] = {}  # topic -> when, what
         self._events: deque[str] = deque(maxlen=MOST)
         self.given_up: dict[tuple[Domain, str], str] = {}  # topics -> why
 
-    def note(self, node: str, message: Message, watch: Watched, now: Instant) -> bool:
-        """Take a message of a node; whether it is more than a new value of what was there."""
-        if isinstance(message, Battery):
-            return self._note_battery(node, message, now)
+    def note(self, node: str, message: Message, watch: Watched, now: Instant) -> None:
+        """Take a message of a node."""
         if isinstance(message, Parameters):
             for name, value in message.changed:
                 what = "was deleted" if value is None else f"is now {value}"
@@ -187,24 +152,6 @@ class Messages:
             has_room = node in self._matches or len(self._matches) < MOST
             if has_room and _is_fault(text, watch):
                 self._matches[node] = self.clock.read(now.mono), text
-        return True
-
-    def _note_battery(self, topic: str, battery: Battery, now: Instant) -> bool:
-        _at, last = self._batteries.get(topic, (0.0, None))
-        if topic in self._batteries or len(self._batteries) < MOST_BATTERIES:
-            self._batteries[topic] = now.mono, battery
-        return last is None or last[:2] != battery[:2]
-
-    def batteries(self, watch: Watched, now: Instant) -> tuple[list[Status], set[str]]:
-        """The batteries as components, and the names of those that say nothing any more."""
-        if not watch.batteries:
-            self._batteries.clear()
-        said = {
-            name: each
-            for name, (at, each) in self._batteries.items()
-            if each is not None and now.mono - at < SILENT
-        }
-        return [each.status(name) for name, each in said.items()], self._batteries.keys() - said
 
     def recent(self, now: Instant) -> tuple[str, ...]:
         """The log messages of the last minute, the newest first."""
@@ -220,9 +167,12 @@ class Messages:
                 problems[f"log {node}"] = int(Level.ERROR), text
             else:
                 del self._matches[node]
-        if self.given_up:
-            problems[GIVEN_UP] = int(Level.WARN), "; ".join(sorted(self.given_up.values()))
         return problems
+
+    def unread(self) -> Problems:
+        """What is not read, though it is asked for."""
+        text = "; ".join(sorted(self.given_up.values()))
+        return {GIVEN_UP: (int(Level.WARN), text)} if text else {}
 
     def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
         clock = self.clock.read(now.mono)
@@ -270,7 +220,6 @@ class Messages:
 
     def forget(self, component: str) -> None:
         """Know no more what a component is about."""
-        self._batteries.pop(component, None)
         kind, _blank, node = component.partition(" ")
         if kind == "log":
             self._matches.pop(node, None)
@@ -289,7 +238,6 @@ class Messages:
                 for node, (at, each) in self._states.items()
                 if _is_between(each) or _fell(each)
             },
-            sorted(self._batteries),
         )
 
     def restore(self, learned: MessagesLearned, now: Instant) -> None:
@@ -299,7 +247,6 @@ class Messages:
         self._states = {
             node: (clock - age, Transition(*each)) for node, (age, *each) in learned.states.items()
         }
-        self._batteries = dict.fromkeys(learned.batteries, (-inf, None))
 
 
 def _is_fault(text: str, watch: Watched) -> bool:

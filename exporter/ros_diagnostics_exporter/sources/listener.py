@@ -14,7 +14,8 @@ from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import ZENOH, Domain, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
-from ros_diagnostics_exporter.sources.reception import Receiver, Reception
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Reception
 from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
 from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 
@@ -128,6 +129,11 @@ class Listener:
     def joined_at(self) -> Mapping[Domain, float]:
         """When the DDS domains were joined, monotonic; infinity: not yet."""
         return {each: of.joined_at for each, of in self._domains.items() if each != ZENOH}
+
+    def received_since(self, domain: Domain, topics: Iterable[str], mono: float) -> set[str]:
+        """Those of these topics of which any bytes were taken since then."""
+        known = self._domains[domain].topics.get  # which its thread changes meanwhile
+        return {each for each in topics if (of := known(each)) and of.content.received_at > mono}
 
     @property
     def joining(self) -> tuple[Domain, ...]:

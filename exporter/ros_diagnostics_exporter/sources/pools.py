@@ -14,8 +14,7 @@ LARGE = 256 << 10  # bytes of a message whose memory matters
 BUDGET = 64 << 20  # bytes that the middleware may hold of all topics of a domain
 MOST = 20  # topics that are subscribed anew in one turn, which costs others their time
 PAUSE = 10.0  # seconds without a message after which a topic has paused
-# ... where all together hold too much. Between two subscriptions of a topic messages are lost, so
-# one that is being received keeps its own.
+# ... where all together hold too much. One that is being received would soon hold as much again.
 SHORT_PAUSE = 1.0
 
 
@@ -39,9 +38,18 @@ class Pools:
         size = largest * number
         self._held[topic] = _Held(size if known is None else max(known.size, size), now)
 
+    @property
+    def are_full(self) -> bool:
+        """Whether all together hold too much."""
+        return self._total > BUDGET
+
+    @property
+    def _total(self) -> int:
+        return sum(each.size for each in self._held.values())
+
     def take_due(self, now: float) -> list[str]:
         """The topics to be subscribed anew, which then hold nothing."""
-        total = sum(each.size for each in self._held.values())
+        total = self._total
         due: list[str] = []
         for topic, held in sorted(self._held.items(), key=lambda item: -item[1].size):
             pause = SHORT_PAUSE if total > BUDGET else PAUSE

@@ -240,11 +240,15 @@ class Measured:
             if len(self._levels) >= MAX_ROWS:
                 self._levels.clear()  # of names that are invented without end
             self._levels[robot, component] = level
-        unit = f" {self._query.unit}" if self._query.unit else ""
         key = f"value ({self._query.unit})" if self._query.unit else "value"
-        return Status(
-            int(level), component, f"{number:.6g}{unit}{bound}", "", ((key, repr(number)),)
-        )
+        message = f"{number:.6g}{self._unit}{bound}"
+        if self._query.uplink and level is not Level.OK:
+            message = "it does not answer"
+        return Status(int(level), component, message, "", ((key, repr(number)),))
+
+    @property
+    def _unit(self) -> str:
+        return f" {self._query.unit}" if self._query.unit else ""
 
     def _level(self, number: float, before: Level) -> tuple[Level, str]:
         """The level of a number, and beyond which threshold it is, in words."""
@@ -254,9 +258,10 @@ class Measured:
             margin = self._hysteresis if before >= level else 0.0
             if level > found and each.is_beyond(number, margin):
                 side = "below" if each.bound == "low" else "above"
-                found, words = level, f", {side} {each.value:g}"
+                beyond = f"{side} the {each.severity} threshold of {each.value:g}{self._unit}"
+                found, words = level, f", {beyond}"
                 if not each.is_beyond(number):
-                    words = f", not yet back from {side} {each.value:g}"
+                    words = f", not yet back from {beyond}"
         return found, words
 
 

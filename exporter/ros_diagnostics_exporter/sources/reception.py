@@ -11,22 +11,21 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from typing import Any, Protocol
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Limits
 from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
-from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.loops import Loop, read_clocks
-from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.model import Array, Domain, Instant, Topic, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
-from ros_diagnostics_exporter.sources.graph_messages import Message
-from ros_diagnostics_exporter.sources.graph_topics import TopicView
-from ros_diagnostics_exporter.sources.link import Link, LinkReading
+from ros_diagnostics_exporter.sources.handover import HURRY, OVERLAP, Handovers, Taking
+from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.pools import Pools, trim
+from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.texts import one_line
 
 log = logging.getLogger(__name__)
@@ -47,77 +46,13 @@ MAX_ERROR = 200  # characters of why a domain could not be joined
 Count = Callable[[float, float], None]  # takes CPU seconds of decoding, and of taking in
 
 
-class Receiver(Protocol):
-    """What is reported to; all methods are called from the domains' threads."""
-
-    def receive(self, topic: Topic, array: Array, now: Instant) -> None:
-        """Take one array."""
-
-    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
-        """Note that a message could not be decoded."""
-
-    def reject_dropped(self, topic: Topic, count: int) -> None:
-        """Note that so many messages of a topic were dropped undecoded."""
-
-    def update_graph(self, domain: Domain, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
-        """Take all topics of a domain, by name."""
-
-    def note_other_types(
-        self, domain: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
-    ) -> None:
-        """Take the types of all topics of a domain that have no DiagnosticArray, by name."""
-
-    def update_nodes(self, domain: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
-        """Take the name and namespace of all nodes of a domain; whether endpoints are wanted."""
-
-    def update_endpoints(
-        self, domain: Domain, topics: Mapping[str, TopicView], now: Instant
-    ) -> None:
-        """Take all endpoints of some topics of a domain, by name."""
-
-    def watched_topics(
-        self, domain: Domain, types: Mapping[str, Sequence[str]], now: Instant
-    ) -> Mapping[str, str]:
-        """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
-
-    def record_watched(
-        self, domain: Domain, topic: str, kind: str, data: bytes, now: Instant
-    ) -> None:
-        """Take a message of such a topic and type as it was received."""
-
-    def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
-        """Take a message of such a topic."""
-
-    def receive_goals(
-        self, domain: Domain, topic: str, goals: tuple[Goal, ...], now: Instant
-    ) -> None:
-        """Take the goals of an action server, by the topic of their status."""
-
-    def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
-        """Take how many bytes per second such topics were in the last minute."""
-
-    def update_links(
-        self, domain: Domain, links: Mapping[str, LinkReading | None], now: Instant
-    ) -> None:
-        """Take what arrived of late on subscribed topics; None where one has several publishers."""
-
-    def wanted_topics(self, domain: Domain) -> Mapping[str, bool]:
-        """Name -> whether robots share it, for each topic to be subscribed."""
-
-    def domain_joined(self, domain: Domain) -> None:
-        """Note that a domain was joined."""
-
-    def domain_failed(self, domain: Domain, error: str, now: Instant) -> None:
-        """Note that a domain could not be joined."""
-
-
 @dataclass(slots=True)
 class Content:
     """What is received on a topic, whichever subscription brings it."""
 
     queue: TopicQueue
     decoder: Decoder = field(default_factory=Decoder)
-    received: bool = False  # since the last look at the graph
+    received_at: float = 0.0  # when bytes were last taken, monotonic
     link: Link = field(default_factory=Link)
 
 
@@ -165,6 +100,7 @@ class Reception(ABC):
         self.max_message = Limits().message_bytes
         self.topics: dict[str, Subscription] = {}
         self._pools = Pools()
+        self._handovers = Handovers(self.identity)
         self.error = ""  # why it could not be joined
         self.look_error = ""  # the last one since the graph was looked at in full
         self.take_error = ""  # of the last turn's messages
@@ -207,6 +143,10 @@ class Reception(ABC):
     @abstractmethod
     def data(self, taken: Any) -> bytes:
         """The bytes of what was taken."""
+
+    def identity(self, taken: Any) -> Hashable:
+        """What tells a message from the others of a few seconds."""
+        return hash(self.data(taken))
 
     def number(self, taken: Any) -> int:  # noqa: ARG002 - of those that override
         """The publisher's number of what was taken; 0 where the middleware does not say it."""
@@ -344,29 +284,41 @@ class Reception(ABC):
         if topic.offer != offer:
             self._subscribe(name, offer, topic.depth, topic.content)
 
-    def _subscribe(self, name: str, offer: object, depth: int, content: Content) -> None:
-        """Subscribe anew; what waits in ``content`` stays."""
-        if name in self.topics:
-            self.topics.pop(name).close()
-        take, close = self.open(name, offer, depth)
-        self.topics[name] = Subscription(take, close, offer, depth, content)
+    def _subscribe(
+        self, name: str, offer: object, depth: int, content: Content, overlap: float = OVERLAP
+    ) -> None:
+        """Subscribe, or anew; what waits in ``content`` stays."""
+        new, old = Taking(*self.open(name, offer, depth)), self.topics.get(name)
+        if old is not None:
+            end_at = time.monotonic() + overlap
+            new = self._handovers.begin(name, Taking(old.take, old.close), new, end_at)
+        self.topics[name] = Subscription(*new, offer, depth, content)
 
     def unsubscribe(self, name: str) -> None:
         """Take no more of a topic."""
+        self._handovers.forget(name)
         self.topics.pop(name).close()
         self._pools.forget(name)
         self._waiting.pop(name, None)
         for key in [key for key in self._logged if key[0] == name]:
             del self._logged[key]
 
+    @property
+    def _overlap(self) -> float:
+        """For how long a topic of large messages has two subscriptions, which both hold them."""
+        return HURRY if self._pools.are_full else OVERLAP
+
     def _give_back(self) -> None:
-        """Subscribe topics anew that hold much memory for messages that no longer come."""
-        due = self._pools.take_due(time.monotonic())
-        for name in due:
+        """Replace subscriptions that hold much memory for messages that no longer come."""
+        now = time.monotonic()
+        overlap = self._overlap
+        for name in self._pools.take_due(now):
             topic = self.topics[name]
-            self._subscribe(name, topic.offer, topic.depth, topic.content)
-        if due:
+            self._subscribe(name, topic.offer, topic.depth, topic.content, overlap)
+        if self._handovers.end_old(now):
             trim()
+        for name, new in self._handovers.take_over(now).items():
+            self.topics[name].take, self.topics[name].close = new
 
     # -- messages -------------------------------------------------------------------------------
 
@@ -384,9 +336,9 @@ class Reception(ABC):
 
     def _drain(self, name: str, topic: Subscription, taken: Any) -> None:
         """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
-        until = time.monotonic() + DRAIN_TIME
+        topic.content.received_at = time.monotonic()
+        until = topic.content.received_at + DRAIN_TIME
         largest = number = 0
-        topic.content.received = True
         while taken is not None:
             self.measure(topic.content.link, taken)
             data = self.data(taken)
@@ -406,7 +358,7 @@ class Reception(ABC):
         self._pools.note(name, largest, number, time.monotonic())
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
-            self._subscribe(name, topic.offer, depth, topic.content)
+            self._subscribe(name, topic.offer, depth, topic.content, self._overlap)
 
     def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
         if len(data) <= self.max_message:

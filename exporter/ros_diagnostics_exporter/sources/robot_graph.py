@@ -16,10 +16,10 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
+from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.action_servers import STATUS
 from ros_diagnostics_exporter.sources.graph_messages import (
-    Battery,
+    GIVEN_UP,
     Message,
     Messages,
     MessagesLearned,
@@ -136,6 +136,8 @@ class RobotGraph:
         self.lossy = False
         self.report_at = self.write_at = now.mono
         self.met = False  # whether any of its nodes was ever there
+        self.is_offered = False  # any topic of it, where nodes are not seen
+        self.has_topics = False  # any whose fields are asked for
         self._nodes = Nodes()
         self._topics = Topics()
         self.messages = Messages()
@@ -174,6 +176,11 @@ class RobotGraph:
         self._healthy.pop(component, None)
         self._held.discard(component)
 
+    @property
+    def is_there(self) -> bool:
+        """Whether any of its nodes or, where none are seen, topics is."""
+        return bool(self._nodes.there) or self.is_offered
+
     # -- seen --------------------------------------------------------------------------------
 
     def see_nodes(self, names: Iterable[str], now: Instant) -> None:
@@ -200,14 +207,31 @@ class RobotGraph:
     def see_message(self, node: str, message: Message, now: Instant) -> None:
         """Take a message of one of its nodes, by its full name."""
         if own := self._own(node):
-            if self.messages.note(own, message, self.settings.watch, now):
-                self.report_at = now.mono
-            if not isinstance(message, Battery | Parameters):
+            self.messages.note(own, message, self.settings.watch, now)
+            self.report_at = now.mono
+            if not isinstance(message, Parameters):
                 self.write_at = min(self.write_at, now.mono + SOON)
 
     def action_of(self, topic: str) -> str:
         """The action that a topic has the goals of, by its name here; "" where it is ignored."""
         return self._own(topic.removesuffix(STATUS)) if self._own(topic) else ""
+
+    def note_unread(self, about: tuple[Domain, str], why: str, now: Instant) -> None:
+        """Note why a topic, or what an entry asks for, is not read; "": it is again."""
+        unread = self.messages.given_up
+        if unread.get(about, "") == why:
+            return
+        if why:
+            unread[about] = why
+        else:
+            del unread[about]
+        self._says_anyway = True
+        self.report_at = now.mono
+
+    def forget_unread(self, now: Instant) -> None:
+        """Know no more why entries have no status: they may be others now."""
+        for about in [each for each in self.messages.given_up if not each[1].startswith("/")]:
+            self.note_unread(about, "", now)
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
@@ -236,7 +260,7 @@ class RobotGraph:
         """What is to be said of it now; None where nothing is there of which anything is known."""
         self.report_at = now.mono + REPORT
         self.messages.clock.set(running=self._nodes.there, mono=now.mono)
-        if not (self._nodes.there or self._link or self._says_anyway):
+        if not (self.is_there or self.has_topics or self._link or self._says_anyway):
             return None
         self._says_anyway = False
         self._take(self._find_problems(now), now)
@@ -245,8 +269,7 @@ class RobotGraph:
             del self._healthy[name]
         parts = (self._nodes, self._topics, self.messages)
         happened = tuple(each for part in parts for each in part.take_events())
-        batteries, mute = self.messages.batteries(self.settings.watch, now)
-        statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
+        statuses, held = tuple(self._statuses()), frozenset(self._held)
         expected, logs = self._nodes.expected, self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
         lossy = self.lossy and not feed.shadow  # of a shadow's link nobody is notified
@@ -260,6 +283,8 @@ class RobotGraph:
             problems = self._judge(now)
             due = self.messages.due(self.settings.watch, now)
             self.report_at = min(self.report_at, self._nodes.due, due)
+        problems.pop(GIVEN_UP, None)
+        problems |= self.messages.unread()
         if not self.lossy:
             problems.pop(LINK, None)
         elif self._link is not None:

@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from typing_extensions import override
@@ -28,8 +29,10 @@ from typing_extensions import override
 from ros_diagnostics_exporter.config.fleet import Zenoh
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
-from ros_diagnostics_exporter.model import ZENOH, Endpoint
-from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+from ros_diagnostics_exporter.model import ZENOH, Endpoint, Instant
+from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.reception import Count, Reception
+from ros_diagnostics_exporter.sources.zenoh_fields import Offer, ZenohFields, asked_tokens
 
 _BRIDGED_TYPE = "diagnostic_msgs§msg§DiagnosticArray"
 _RMW_TYPE = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
@@ -51,13 +54,15 @@ class Token(NamedTuple):
 
     A connection is a bridge, or the nodes of one namespace in one ROS domain: with rmw_zenoh each
     process is a session of its own. A topic is "/" and the key, of rmw_zenoh without its type.
-    ``other_type`` is that of the messages, "" where it is DiagnosticArray.
+    ``other_type`` is that of the messages, "" where it is DiagnosticArray; ``type_hash`` is of its
+    definition.
     """
 
     connection: str
     topic: str = ""
     key: str = ""
     other_type: str = ""
+    type_hash: str = ""
 
 
 def parse(token: str) -> Token | None:
@@ -77,7 +82,9 @@ def _of_bridge(parts: list[str]) -> Token | None:
     if len(publisher) != 4 or publisher[0] != "MP":
         return None
     key, kind = (each.replace("§", "/") for each in publisher[1:3])
-    return Token(session, f"/{key}", key, "" if publisher[2] == _BRIDGED_TYPE else kind)
+    other = "" if publisher[2] == _BRIDGED_TYPE else kind
+    type_hash = publisher[3].partition("typehash=")[2].partition(";")[0] if other else ""
+    return Token(session, f"/{key}", key, other, type_hash)
 
 
 def _of_rmw(parts: list[str]) -> Token | None:
@@ -90,7 +97,8 @@ def _of_rmw(parts: list[str]) -> Token | None:
     topic = domain + parts[9].replace("%", "/")
     other = parts[10].replace("dds_::", "").removesuffix("_").replace("::", "/")
     other = "" if parts[10] == _RMW_TYPE else other
-    return Token(connection, f"/{topic}", f"{topic}/{parts[10]}/{parts[11]}", other)
+    key = f"{topic}/{parts[10]}/{parts[11]}"
+    return Token(connection, f"/{topic}", key, other, parts[11] if other else "")
 
 
 try:
@@ -102,6 +110,7 @@ else:
 
 log = logging.getLogger(__name__)
 
+SMALL_DEPTH = 200  # messages of a small topic that wait between two looks
 RETRY = 2.0  # seconds between two attempts to reach a router
 MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
 ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once there is room for more
@@ -139,6 +148,8 @@ class ZenohNetwork(Reception):
         self._too_many = False  # tokens: some are there that are not noted
         self._again_at = 0.0  # when all tokens may be asked for again, monotonic
         self._other_types: dict[str, tuple[str, ...]] = {}  # by topics without DiagnosticArray
+        self._asked = frozenset[str]()  # ends of the names of small topics
+        self._fields = ZenohFields(receiver, self._open_small)
 
     @override
     def join(self) -> None:
@@ -152,7 +163,8 @@ class ZenohNetwork(Reception):
     def _watch_tokens(self) -> None:
         """Have all tokens noted that are there or come; those that go meanwhile are not missed."""
         before, tokens = self._watched, self._session.liveliness()
-        self._watched = [tokens.declare_subscriber(key, self._note, history=True) for key in TOKENS]
+        keys = (*TOKENS, *asked_tokens(self._asked))
+        self._watched = [tokens.declare_subscriber(key, self._note, history=True) for key in keys]
         for each in before:
             each.undeclare()
 
@@ -213,17 +225,20 @@ class ZenohNetwork(Reception):
         now, begin = read_clocks(), time.thread_time()
         if self.error:
             return  # without a router nothing is known of robots
-        if self._too_many:
-            text = "%s%s: publishers beyond %d are not noted; a robot, or somebody else, has many"
-            self.log_seldom("", "tokens", text, MAX_TOKENS)
-            if len(self._tokens) < MAX_TOKENS and now.mono >= self._again_at:
-                self._too_many, self._again_at = False, now.mono + ASK_AGAIN
-                self._watch_tokens()
+        self._follow_asked(now)
         wanted = self.receiver.wanted_topics(ZENOH)
         tokens = list(self._tokens.values())
         publishers = [each for each in tokens if each.topic and not each.other_type]
         yield
-        endpoints, others = self._endpoints(tokens, publishers, wanted), _other_types(tokens)
+        finders = self.receiver.finders(ZENOH)
+        offers = self._offers(tokens, finders)
+        endpoints = self._endpoints(tokens, publishers, wanted)
+        endpoints |= {
+            name: Endpoint(0, wrong_type=offer.kind)
+            for name, offer in offers.items()
+            if any(each.fullmatch(name) for each in finders)
+        }
+        others = _other_types(each for each in tokens if each.topic not in offers)
         for name in others.keys() & (endpoints.keys() | wanted.keys()):
             known = endpoints.get(name, Endpoint(0))
             endpoints[name] = known._replace(wrong_type=", ".join(others.pop(name)))
@@ -244,7 +259,32 @@ class ZenohNetwork(Reception):
             key = keys.get(name) or (topic.offer if topic else name.removeprefix("/"))
             self.want(name, key, shared=shared)
             yield
+        if self._asked:
+            yield from self._fields.look(offers, now)
         self.complete_look(now)
+
+    def _follow_asked(self, now: Instant) -> None:
+        """Have the tokens noted of what is asked for, and all of them again once there is room."""
+        asked = self.receiver.asked_topics(ZENOH)
+        again = asked != self._asked
+        self._asked = asked
+        if self._too_many:
+            text = "%s%s: publishers beyond %d are not noted; a robot, or somebody else, has many"
+            self.log_seldom("", "tokens", text, MAX_TOKENS)
+            if len(self._tokens) < MAX_TOKENS and now.mono >= self._again_at:
+                self._too_many, self._again_at, again = False, now.mono + ASK_AGAIN, True
+        if again:
+            self._watch_tokens()
+
+    def _offers(self, tokens: list[Token], finders: Sequence[re.Pattern[str]]) -> dict[str, Offer]:
+        """The small topics that are asked for and that somebody publishes."""
+        ends = tuple(f"/{name.removeprefix('/')}" for name in self._asked)
+        return {
+            each.topic: Offer(each.key, each.other_type, each.type_hash)
+            for each in tokens
+            if each.other_type
+            and (each.topic.endswith(ends) or any(one.fullmatch(each.topic) for one in finders))
+        }
 
     def _endpoints(
         self, tokens: list[Token], publishers: list[Token], wanted: Mapping[str, bool]
@@ -272,13 +312,16 @@ class ZenohNetwork(Reception):
         made = self._session.declare_subscriber(offer, zenoh.handlers.RingChannel(depth))
         return made.try_recv, made.undeclare
 
+    def _open_small(self, key: str) -> tuple[Callable[[], Any], Callable[[], object]]:
+        return self.open(key, key, SMALL_DEPTH)
+
     @override
     def data(self, taken: zenoh.Sample) -> bytes:
         message: bytes = taken.payload.to_bytes()
         return message
 
 
-def _other_types(tokens: list[Token]) -> dict[str, tuple[str, ...]]:
+def _other_types(tokens: Iterable[Token]) -> dict[str, tuple[str, ...]]:
     """Topic -> types other than DiagnosticArray that are published on it."""
     found: dict[str, set[str]] = {}
     for each in tokens:

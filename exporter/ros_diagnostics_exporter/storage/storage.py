@@ -186,17 +186,17 @@ class Storage:
             found.suffix = getattr(error, "suffix", found.suffix)
         return found
 
-    def _read_database(self, database: Database, found: Found) -> None:
+    def _read_database(self, database: Database, contents: Found) -> None:
         """Read what is valid, up to where the file is damaged.
 
         Raises:
             sqlite3.Error: it cannot be read further.
         """
-        found.add_damage(database.check(CHECKING))
-        found.last_event = self._last_event = database.last_event()
-        found.written_at = database.written_at()
-        found.add_robots((name, decoded(text), seen) for name, text, seen in database.robots())
-        found.add_rows([row[0], *map(decoded, row[1:])] for row in database.faults())
+        contents.add_damage(database.check(CHECKING))
+        contents.last_event = self._last_event = database.last_event()
+        contents.written_at = database.written_at()
+        contents.add_robots((name, decoded(text), seen) for name, text, seen in database.robots())
+        contents.add_rows([row[0], *map(decoded, row[1:])] for row in database.faults())
 
     def _block(self, what: str) -> None:
         self._blocked, self._successful = True, False

@@ -224,14 +224,6 @@ class Api:
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
 
-    async def story(self, request: Request) -> Response:
-        """What failed of a robot in a week, in sentences."""
-        _allow_only(request)
-        try:
-            return _json(await self._workers.run(self._backend.story, request.path_params["robot"]))
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
-
     async def notifications(self, request: Request) -> Response:
         """Record what Alertmanager's webhook sends; the numbers recorded and ignored."""
         _check_site(request)

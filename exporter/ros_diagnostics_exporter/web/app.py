@@ -46,8 +46,9 @@ from ros_diagnostics_exporter.web.pages import (
     landing,
     missing_fault,
     missing_robot,
-    no_runbooks,
+    missing_runbook,
     robot_page,
+    runbook_page,
 )
 from ros_diagnostics_exporter.web.responses import (
     BusyError,
@@ -56,7 +57,7 @@ from ros_diagnostics_exporter.web.responses import (
     Workers,
     busy_response,
 )
-from ros_diagnostics_exporter.web.runbooks import alert_of
+from ros_diagnostics_exporter.web.runbooks import alert_of, link_to
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 
@@ -94,7 +95,6 @@ class Pages:
     workers: Workers
     telemetry_path: str
     actions: Actions
-    runbooks: str
 
     def _acting(self, request: Request) -> Acting | None:
         token = self.actions.token(request)
@@ -122,7 +122,7 @@ class Pages:
         asked = request.query_params
         alert = alert_of(asked.get("scope", ""), asked.get("state", ""))
         if alert:
-            return RedirectResponse(f"runbooks/{alert}", status_code=303)
+            return RedirectResponse(f"runbooks/{link_to(alert, asked)}", status_code=303)
         for name in ("fault", "robot"):
             if asked.get(name):
                 page = f"{name}s/{quote(asked[name], safe='', errors='replace')}"
@@ -130,11 +130,14 @@ class Pages:
         return RedirectResponse("./", status_code=303)
 
     async def runbook(self, request: Request) -> Response:
-        """Lead to the runbook of an alert."""
-        if not self.runbooks:
-            return HTMLResponse(no_runbooks(), status_code=404)
-        alert = quote(request.path_params["alert"], safe="")
-        return RedirectResponse(f"{self.runbooks.rstrip('/')}/{alert}.md", status_code=303)
+        """The runbook of an alert; the query has the names of what it is about."""
+        alert = request.path_params["alert"]
+        names = dict(request.query_params)
+        snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
+        page = runbook_page(alert, {**_reached_by(snapshot, names.get("robot", "")), **names})
+        if page is None:
+            return HTMLResponse(missing_runbook(alert), status_code=404)
+        return HTMLResponse(page)
 
     async def robot(self, request: Request) -> Response:
         """One robot; 404 for a name that no robot has."""
@@ -177,16 +180,24 @@ class Pages:
         return Response(text + "\n", media_type="application/json")
 
 
+def _reached_by(snapshot: Snapshot, name: str) -> dict[str, str]:
+    """The DDS domain and the topic of a robot, for the commands of a runbook."""
+    for robot in snapshot.fleet["robots"]:
+        if robot["robot"] == name:
+            known = {"domain": robot["domain_id"], "topic": robot["topic"]}
+            return {place: str(value) for place, value in known.items() if value is not None}
+    return {}
+
+
 def _robot_page(
     backend: Backend, snapshot: Snapshot, name: str, acting: Acting | None
 ) -> str | None:
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         history = backend.why(name, None, None, ask=False)["entries"]
-        sentences = backend.story(name)["sentences"]
     except LookupError:
-        history = sentences = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, history, sentences, acting=acting)
+        history = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, history, acting=acting)
 
 
 @dataclass(frozen=True)
@@ -223,7 +234,6 @@ def build(
     telemetry_path: str,
     lifecycle: bool,
     actions: bool,
-    runbooks: str,
 ) -> Starlette:
     """The application.
 
@@ -236,10 +246,9 @@ def build(
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
-        runbooks: The URL at which docs/alerts is served; "" if it is not known.
     """
     acting = Actions(backend, threads.asking, enabled=actions)
-    pages = Pages(backend, threads.others, telemetry_path, acting, runbooks)
+    pages = Pages(backend, threads.others, telemetry_path, acting)
     api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]
@@ -263,7 +272,6 @@ def build(
         Route("/api/v1/faults", api.faults),
         Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/recording.mcap", api.recording),
-        Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
         Route("/api/v1/capabilities", api.capabilities),

@@ -71,13 +71,6 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
-    def story(self, robot: str, /) -> dict[str, Any]:
-        """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
-
-        Raises:
-            LookupError: There is no such robot.
-        """
-
     def notified(self, body: bytes, /) -> tuple[int, int]:
         """Record the notifications of a message of Alertmanager's webhook: how many, how many not.
 

@@ -6,9 +6,8 @@ Here is what they show; `templates/` has how. Every text is escaped there, by Ji
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
-from operator import itemgetter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
@@ -39,7 +38,7 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
-from ros_diagnostics_exporter.web.runbooks import alert_of
+from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all
@@ -90,8 +89,8 @@ def landing(
 def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
     """The fleet with only the robots, and the problems of many, that have ``text`` in them."""
 
-    def has(of: dict[str, Any], *names: object) -> bool:
-        shown, _ = shown_problems(of, fleet["time"], MAX_LISTED)
+    def has(owner: dict[str, Any], *names: object) -> bool:
+        shown, _ = shown_problems(owner, fleet["time"], MAX_LISTED)
         words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
         return any(text in str(each).casefold() for each in words)
 
@@ -111,14 +110,12 @@ def robot_page(
     name: str,
     events: Iterable[dict[str, Any]],
     history: Iterable[dict[str, Any]] = (),
-    sentences: Iterable[dict[str, str]] = (),
     *,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``history`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
-    ``acting`` it has forms.
+    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms.
 
     All texts in it are escaped.
     """
@@ -127,6 +124,9 @@ def robot_page(
         return None
     now = fleet["time"]
     problems, problem_number = shown_problems(robot, now, MAX_LISTED)
+    in_order = list(history)[-EVENTS:]
+    shown = {(each["time"], each["text"]) for each in in_order}
+    others = (each for each in events if (each["time"], one_line(event_text(each))) not in shown)
     return _render(
         "robot.html",
         title=f"{name}: ROS diagnostics",
@@ -139,14 +139,10 @@ def robot_page(
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
-        history=list(history)[-EVENTS:],
-        paragraphs=[
-            [each["text"] for each in of_one]
-            for _about, of_one in groupby(sentences, key=itemgetter("about"))
-        ],
+        history=in_order,
         components=_components(robot, problems),
         component_number=len(robot["components"]),
-        events=list(islice(events, EVENTS)),
+        events=list(islice(others, EVENTS)),
         acting=acting,
         downtimes=DOWNTIMES,
         planned=robot["downtimes"],
@@ -156,12 +152,21 @@ def robot_page(
 
 def rejected(why: str) -> str:
     """The page after a form that was not followed."""
-    return _render("rejected.html", title="Not done", why=why)
+    return _render("rejected.html", title="Not saved", why=why)
 
 
-def no_runbooks() -> str:
-    """The page for a runbook where nobody said where they are."""
-    return _render("no_runbooks.html", title="No runbooks")
+def runbook_page(alert: str, names: Mapping[str, str]) -> str | None:
+    """The runbook of an alert, with the names of what it is about; None if there is none.
+
+    All texts are escaped.
+    """
+    text = filled_in(alert, names)
+    return text and _render("runbook.html", title=alert, text=text, robot=names.get("robot", ""))
+
+
+def missing_runbook(alert: str) -> str:
+    """The page for an alert without a runbook."""
+    return _render("missing_runbook.html", title="No such runbook", name=alert)
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
@@ -267,9 +272,9 @@ class _Component(NamedTuple):
     shown_values: list[dict[str, Any]]
 
 
-def _worst_first(each: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
+def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     """A sort key: in one state, confirmed problems come first, and suppressed ones last."""
-    state, robot = each
+    state, robot = entry
     confirmed = any(problem["confirmed"] is not None for problem in robot["problems"])
     soft = any(problem["suppressed"] is None for problem in robot["problems"])
     return -SEVERITIES[state], not confirmed, not soft, natural(robot["robot"])
@@ -391,8 +396,9 @@ def _bounds(value: dict[str, Any]) -> str:
     )
 
 
-def _runbook(problem: dict[str, Any]) -> str:
-    return alert_of(problem["scope"], problem["state"])
+def _runbook(problem: dict[str, Any], robot: str) -> str:
+    alert = alert_of(problem["scope"], problem["state"])
+    return alert and link_to(alert, {**problem, "robot": robot})
 
 
 def _visible(value: object) -> object:

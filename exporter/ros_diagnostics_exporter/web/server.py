@@ -134,7 +134,6 @@ class Server:
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
-        runbooks: The URL at which docs/alerts is served; "" if it is not known.
         domains: The number of DDS domains, which need open files too.
 
     Raises:
@@ -155,7 +154,6 @@ class Server:
         web_config: Path | None = None,
         lifecycle: bool = False,
         actions: bool = False,
-        runbooks: str = "",
         domains: int = 1,
     ) -> None:
         self.addresses: tuple[str, ...] = ()
@@ -179,7 +177,6 @@ class Server:
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
             actions=actions,
-            runbooks=runbooks,
         )
         self._uvicorn = _Uvicorn(_configure(app, live_config), self.connections)
         self._thread: threading.Thread | None = None

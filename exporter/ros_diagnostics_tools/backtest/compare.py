@@ -81,24 +81,24 @@ def compare(first: Result, second: Result, confirm_after: Callable[[Event], floa
     return found
 
 
-def _covers(other: Notification, each: Notification) -> bool:
+def _covers(other: Notification, notification: Notification) -> bool:
     """Whether who got the one notification knew of the trouble of the other."""
-    by, fault = other.began, each.began
+    by, fault = other.began, notification.began
     same = (by.robot, by.component) == (fault.robot, fault.component)
     larger = (
         (by.scope in ("robot", "capability") and by.robot == fault.robot)
         or (by.scope == "common" and by.component == fault.component)
         or (by.scope == "site" and by.site == fault.site)
     )
-    return (same or larger) and _overlap(other, each)
+    return (same or larger) and _overlap(other, notification)
 
 
-def _identity(each: Notification) -> tuple[str, ...]:
-    return each.identity
+def _identity(notification: Notification) -> tuple[str, ...]:
+    return notification.identity
 
 
-def _place(each: Notification) -> tuple[str, ...]:
-    fault = each.began
+def _place(notification: Notification) -> tuple[str, ...]:
+    fault = notification.began
     return fault.scope, fault.site, fault.robot, fault.group, fault.component
 
 
@@ -134,31 +134,31 @@ def _overlap(one: Notification, other: Notification) -> bool:
 # -- words -------------------------------------------------------------------------------------
 
 
-def in_words(found: Comparison) -> list[str]:
+def in_words(comparison: Comparison) -> list[str]:
     """The comparison as lines of text."""
-    lines = found.settings or ["the configurations differ in nothing that judges faults"]
-    less = found.before - found.after
-    total = f"{found.after} instead of {found.before}"
+    lines = comparison.settings or ["the configurations differ in nothing that judges faults"]
+    less = comparison.before - comparison.after
+    total = f"{comparison.after} instead of {comparison.before}"
     verb = "the same number" if not less else f"{abs(less)} {'fewer' if less > 0 else 'more'}"
     lines = [*lines, f"notifications: {total}, {verb}"]
-    lines += _delayed("later", found.later)
-    lines += _delayed("earlier", found.earlier)
-    if found.renamed:
+    lines += _delayed("later", comparison.later)
+    lines += _delayed("earlier", comparison.earlier)
+    if comparison.renamed:
         states = {f"{old.began.state} now {new.began.state}"
-                  for old, new in found.renamed}  # fmt: skip
-        lines.append(f"{words.count(len(found.renamed), 'fault')} of another state: "
+                  for old, new in comparison.renamed}  # fmt: skip
+        lines.append(f"{words.count(len(comparison.renamed), 'fault')} of another state: "
                      f"{', '.join(sorted(states))}")  # fmt: skip
-    lines += _named("only with the other configuration", found.more)
-    lines += _named("no longer notified, recovered by themselves", _others(found))
-    lines += _named("covered by another notification", found.covered)
-    lines += _named("not known: the recording ends before their confirm_after", found.unknown)
-    lines += _named("MISSED: lasted longer than their confirm_after", found.missed)
-    return lines if found.missed or found.unknown else [*lines, "none missed"]
+    lines += _named("only with the other configuration", comparison.more)
+    lines += _named("no longer notified, recovered by themselves", _others(comparison))
+    lines += _named("covered by another notification", comparison.covered)
+    lines += _named("not known: the recording ends before their confirm_after", comparison.unknown)
+    lines += _named("MISSED: lasted longer than their confirm_after", comparison.missed)
+    return lines if comparison.missed or comparison.unknown else [*lines, "none missed"]
 
 
-def _others(found: Comparison) -> list[Notification]:
-    explained = (*found.missed, *found.covered, *found.unknown)
-    return [each for each in found.fewer if each not in explained]
+def _others(comparison: Comparison) -> list[Notification]:
+    explained = (*comparison.missed, *comparison.covered, *comparison.unknown)
+    return [each for each in comparison.fewer if each not in explained]
 
 
 def _delayed(what: str, delays: list[tuple[Notification, float]]) -> list[str]:
@@ -171,17 +171,17 @@ def _delayed(what: str, delays: list[tuple[Notification, float]]) -> list[str]:
     return [f"{words.count(len(delays), 'fault')} {what} by {text}"]
 
 
-def _named(what: str, found: list[Notification]) -> list[str]:
-    if not found:
+def _named(what: str, notifications: list[Notification]) -> list[str]:
+    if not notifications:
         return []
     names = [
         f"  {words.moment(each.since)}  {each.began.robot} {words.place(each.began)}: "
         f"{words.state(each.began)}"
-        for each in found[:SHOWN]
+        for each in notifications[:SHOWN]
     ]
-    if len(found) > SHOWN:
-        names.append(f"  and {len(found) - SHOWN} more: --output json has all")
-    return [f"{words.count(len(found), 'fault')} {what}:", *names]
+    if len(notifications) > SHOWN:
+        names.append(f"  and {len(notifications) - SHOWN} more: --output json has all")
+    return [f"{words.count(len(notifications), 'fault')} {what}:", *names]
 
 
 def settings_changed(first: Fleet, second: Fleet) -> list[str]:
@@ -228,21 +228,23 @@ def _profile_changed(old: Profile, new: Profile) -> Iterator[str]:
 # -- for programs ------------------------------------------------------------------------------
 
 
-def as_json(found: Comparison, until: float, one: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def as_json(
+    comparison: Comparison, until: float, one: Callable[..., dict[str, Any]]
+) -> dict[str, Any]:
     """The comparison as JSON values; ``one`` makes them of a notification."""
 
     def listed(notifications: list[Notification]) -> list[dict[str, Any]]:
         return [one(each, until) for each in notifications]
 
     return {
-        "settings": found.settings,
-        "notifications": {"before": found.before, "after": found.after},
-        "fewer": listed(found.fewer),
-        "covered": listed(found.covered),
-        "missed": listed(found.missed),
-        "unknown": listed(found.unknown),
-        "more": listed(found.more),
-        "later": [{**one(each, until), "by": seconds} for each, seconds in found.later],
-        "earlier": [{**one(each, until), "by": seconds} for each, seconds in found.earlier],
-        "words": in_words(found),
+        "settings": comparison.settings,
+        "notifications": {"before": comparison.before, "after": comparison.after},
+        "fewer": listed(comparison.fewer),
+        "covered": listed(comparison.covered),
+        "missed": listed(comparison.missed),
+        "unknown": listed(comparison.unknown),
+        "more": listed(comparison.more),
+        "later": [{**one(each, until), "by": seconds} for each, seconds in comparison.later],
+        "earlier": [{**one(each, until), "by": seconds} for each, seconds in comparison.earlier],
+        "words": in_words(comparison),
     }

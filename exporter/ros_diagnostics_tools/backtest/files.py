@@ -10,7 +10,13 @@ from tempfile import TemporaryDirectory
 
 from ros_diagnostics_exporter import zstd
 from ros_diagnostics_tools import limits
-from ros_diagnostics_tools.backtest.formats import Format, RecordingError, shortened
+from ros_diagnostics_tools.backtest.formats import (
+    Format,
+    RecordingError,
+    Wanted,
+    nothing,
+    shortened,
+)
 from ros_diagnostics_tools.backtest.mcap import McapFile
 from ros_diagnostics_tools.backtest.ros1 import Ros1Bag
 from ros_diagnostics_tools.backtest.sqlite_bag import SqliteBag
@@ -22,14 +28,19 @@ FORMATS: dict[str, Callable[[Path], Format]] = {
     ".bag": Ros1Bag,
     **dict.fromkeys((".json", ".jsonl", ".yaml", ".yml"), TextFile),
 }
+WITH_TYPES: dict[str, Callable[[Path, Wanted], Format]] = {".mcap": McapFile, ".db3": SqliteBag}
 BAGS = (".mcap", ".db3", ".bag")  # of a folder; texts beside them are something else
 
 
-def open_files(path: Path, stack: ExitStack) -> list[Format]:
+def open_files(path: Path, stack: ExitStack, wanted: Wanted = nothing) -> list[Format]:
     """Open all that a path has, until the stack is closed. Raises RecordingError."""
     opened = []
     for file in _files(path, stack):
-        found = FORMATS.get(file.suffix, TextFile)(file)
+        with_types = WITH_TYPES.get(file.suffix)
+        if with_types is not None:
+            found = with_types(file, wanted)
+        else:
+            found = FORMATS.get(file.suffix, TextFile)(file)
         stack.callback(found.close)
         opened.append(found)
     return opened

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
 
 from ros_diagnostics_exporter.model import Array
 
@@ -28,7 +28,22 @@ class Undecodable(str):
     __slots__ = ()
 
 
-Row = tuple[float, str, bytes | Array | Undecodable]  # Unix time of receipt, topic, message
+class Fields(NamedTuple):
+    """A message of a small topic in CDR: its type, that type's definition ("": none is there)."""
+
+    kind: str
+    definition: str
+    data: bytes
+
+
+Wanted = Callable[[str], bool]  # whether a topic of another type than diagnostics is read, too
+Content = bytes | Array | Undecodable | Fields
+Row = tuple[float, str, Content]  # Unix time of receipt, topic, message
+
+
+def nothing(_topic: str) -> bool:
+    """Read no such topic."""
+    return False
 
 
 class Format(Protocol):

@@ -6,9 +6,10 @@ Foxglove's library reads the records. It stops at the first damage: what it read
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from heapq import heappop, heappush
 from io import BytesIO
 from itertools import chain
@@ -30,9 +31,13 @@ from ros_diagnostics_tools import limits
 from ros_diagnostics_tools.backtest.formats import (
     ROS1_TYPE,
     TYPE,
+    Content,
+    Fields,
     RecordingError,
     Ros1,
     Row,
+    Wanted,
+    nothing,
     shortened,
 )
 from ros_diagnostics_tools.backtest.sqlite_bag import plain
@@ -63,12 +68,12 @@ class Block(NamedTuple):
 class McapFile:
     """One .mcap file."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, wanted: Wanted = nothing) -> None:
+        self._path, self._wanted = path, wanted
         self.warnings: list[str] = []
         self.others: dict[str, str] = {}
-        self._types: dict[int, str] = {}  # by schema
-        self._channels: dict[int, tuple[str, type[bytes]]] = {}  # that hold diagnostics
+        self._types: dict[int, Schema] = {}
+        self._channels: dict[int, tuple[str, Callable[[bytes], Content]]] = {}  # that are read
         self._blocks: list[Block] = []
         self.count, self._times = 0, (0, 0)
         self._cut: int | None = None  # where the content of the chunk begins that is cut off
@@ -171,11 +176,14 @@ class McapFile:
 
     def _note(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
-            self._types[record.id] = record.name
+            self._types[record.id] = record
         elif isinstance(record, Channel):
-            kind = self._types.get(record.schema_id, "")
+            schema = self._types.get(record.schema_id)
+            kind = "" if schema is None else schema.name
             topic, encoding = record.topic, record.message_encoding
-            if kind not in (TYPE, ROS1_TYPE):
+            if kind not in (TYPE, ROS1_TYPE) and encoding == "cdr" and self._wanted(topic):
+                self._channels[record.id] = topic, partial(Fields, kind, _definition(schema))
+            elif kind not in (TYPE, ROS1_TYPE):
                 self.others[topic] = kind or encoding
             elif encoding in _ENCODINGS:
                 self._channels[record.id] = topic, _ENCODINGS[encoding]
@@ -253,6 +261,13 @@ class McapFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _definition(schema: Schema | None) -> str:
+    """The definition of a type as `ros2 bag record` writes it; "" where there is none such."""
+    if schema is None or schema.encoding != "ros2msg":
+        return ""
+    return bytes(schema.data).decode(errors="replace")
 
 
 def _content(chunk: Chunk) -> bytes:

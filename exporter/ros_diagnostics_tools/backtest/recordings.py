@@ -22,26 +22,29 @@ from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is
 from ros_diagnostics_tools.backtest.files import open_files
 from ros_diagnostics_tools.backtest.formats import (
     TYPE,
+    Content,
+    Fields,
     Format,
     RecordingError,
     Ros1,
     Undecodable,
 )
+from ros_diagnostics_tools.backtest.small_topics import is_asked
 
 OTHERS = 5  # topics of other types that are named
 PAUSE = 1.0  # seconds between two recordings from which on nobody was recording
 
 
 class Message(NamedTuple):
-    """A recorded DiagnosticArray, received ``at`` Unix time; its bytes, or itself decoded."""
+    """A recorded message, received ``at`` Unix time; its bytes, or itself decoded."""
 
     at: float
     topic: Topic
-    content: bytes | Array | Undecodable
+    content: Content
 
     def decode(self) -> Array:
         """The array. Raises ValueError where the content is none."""
-        if isinstance(self.content, Undecodable):
+        if isinstance(self.content, Undecodable | Fields):
             raise ValueError(str(self.content))  # noqa: TRY004 - as of the others
         if isinstance(self.content, Array):
             return self.content
@@ -56,13 +59,14 @@ class RecordingSource:
 
     ``namespace`` ("/robot_1" or "") is put before every topic; ``domain_id`` is the DDS domain that
     it was recorded in. An exporter's event log needs the ``fleet`` that it was made with, and has
-    its robots' topics and domains from there.
+    its robots' topics and domains from there. ``asked`` are small topics as `topics` name them.
     """
 
     path: Path
     domain_id: Domain = 0
     namespace: str = ""
     fleet: Fleet | None = None
+    asked: frozenset[str] = frozenset()
 
 
 class Recording:
@@ -81,7 +85,7 @@ class Recording:
             if source.fleet is not None and self.is_event_log:
                 self._files = [stack.enter_context(closing(self._event_log(source.fleet)))]
             else:
-                self._files = open_files(source.path, stack)
+                self._files = open_files(source.path, stack, self._is_asked)
                 self._check()
             self._stack = stack.pop_all()
         self.topics = sorted({topic for each in self._files for topic in each.topics})
@@ -89,6 +93,9 @@ class Recording:
         own = [each for each in self._files if each.topics] or self._files
         self.begin = min(each.begin for each in own)
         self.end = max(each.end for each in own)
+
+    def _is_asked(self, topic: str) -> bool:
+        return is_asked(topic, self.source.asked)
 
     def _event_log(self, fleet: Fleet) -> EventLog:
         try:

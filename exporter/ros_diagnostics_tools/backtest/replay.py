@@ -15,9 +15,11 @@ from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
+from ros_diagnostics_tools.backtest.formats import Fields
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
 from ros_diagnostics_tools.backtest.measured import Past
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
+from ros_diagnostics_tools.backtest.small_topics import SmallTopics, small_topics
 
 TICK = 0.25  # seconds, as Service.TICK
 LOOK = 1.0  # seconds between two looks at which topics are wanted, as the listener's
@@ -71,6 +73,7 @@ class Replay:
         self.state = FleetState(self.fleet, self._now)
         self.ledger = Ledger()
         self._restarts = Restarts()
+        self._small = SmallTopics()
         self._observe, self._each_tick = observe, each_tick
         self._seen: dict[Domain, dict[str, Endpoint]] = {}
         self._wanted: dict[Domain, dict[str, bool]] = {}
@@ -90,6 +93,10 @@ class Replay:
         self._advance(message.at)
         self._last = max(self._last, message.at)
         now = self._instant(self._last)
+        if isinstance(message.content, Fields):
+            self._messages += self._small.receive(self.state, message.topic, message.content, now)
+            self._note(now)
+            return
         self._discover(message.topic, now)
         if message.topic.name not in self._wanted.get(message.topic.domain_id, {}):
             return
@@ -102,6 +109,9 @@ class Replay:
             self.state.reject_undecodable(message.topic, str(error), now)
         else:
             self.state.receive(message.topic, array, now)
+        self._note(now)
+
+    def _note(self, now: Instant) -> None:
         self.ledger.note(self.state)
         if self._observe is not None:
             self._observe(self.state, now)
@@ -111,6 +121,7 @@ class Replay:
         while self._now.wall + TICK <= wall:
             self._now = self._instant(self._now.wall + TICK)
             self.past.deliver(self.state, self._now.wall, self._instant)
+            self._small.deliver(self.state, self._now)
             self.state.tick(self._now)
             self.ledger.note(self.state)
             if self._each_tick is not None:
@@ -126,6 +137,7 @@ class Replay:
         self.state = self._restarts.restart(self.state, self.fleet, former, self._now)
         for domain_id, endpoints in self._seen.items():
             self.state.update_graph(domain_id, endpoints, self._now)
+        self._small.enter(self.state)
         self._look()
         self.ledger.note(self.state)
         self._pause_ends = next(self._periods, None)
@@ -143,6 +155,7 @@ class Replay:
     def _look(self) -> None:
         self._look_at = self._now.wall + LOOK
         self._wanted = {each: self.state.wanted_topics(each) for each in self._seen}
+        self._small.look(self.state, self._now)
 
     # -- what came of it ---------------------------------------------------------------------
 
@@ -185,7 +198,8 @@ def recorded_part(fleet: Fleet, topics: Iterable[Topic], *, measured: bool = Fal
     robots = tuple(
         each
         for each in fleet.robots
-        if known & topics_of(each) or (measured and each.source is Source.QUERIES)
+        if known & (topics_of(each) | small_topics(each))
+        or (measured and each.source is Source.QUERIES)
     )
     return replace(fleet, robots=robots)
 

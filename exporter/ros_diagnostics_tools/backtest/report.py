@@ -169,17 +169,17 @@ def as_json(result: Result) -> dict[str, Any]:
     }
 
 
-def notification(each: Notification, until: float) -> dict[str, Any]:
+def notification(sent: Notification, until: float) -> dict[str, Any]:
     """One of them as JSON values."""
     return {
-        **dict(zip(IDENTITY, each.identity, strict=True)),
-        "since": each.since,
-        "notified": each.began.time,
-        "ended": each.ended,
-        "reason": "lasts" if each.end is None else each.end.reason,
-        "duration": each.duration(until),
-        "evidence": each.began.message,
-        "details": each.began.details or {},
+        **dict(zip(IDENTITY, sent.identity, strict=True)),
+        "since": sent.since,
+        "notified": sent.began.time,
+        "ended": sent.ended,
+        "reason": "lasts" if sent.end is None else sent.end.reason,
+        "duration": sent.duration(until),
+        "evidence": sent.began.message,
+        "details": sent.began.details or {},
     }
 
 

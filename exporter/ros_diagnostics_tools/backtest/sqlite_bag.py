@@ -10,11 +10,24 @@ from urllib.parse import quote
 
 from ros_diagnostics_exporter import zstd
 from ros_diagnostics_tools import limits
-from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Row, shortened
+from ros_diagnostics_tools.backtest.formats import (
+    TYPE,
+    Content,
+    Fields,
+    RecordingError,
+    Row,
+    Wanted,
+    nothing,
+    shortened,
+)
 
 _NEEDED = {
     *(("topics", name) for name in ("id", "name", "type", "serialization_format")),
     *(("messages", name) for name in ("id", "topic_id", "timestamp", "data")),
+}
+_OF_DEFINITIONS = {
+    ("message_definitions", name)
+    for name in ("topic_type", "encoding", "encoded_message_definition")
 }
 _ROWS = "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN (%s)"
 
@@ -22,8 +35,8 @@ _ROWS = "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN (%s)"
 class SqliteBag:
     """One .db3 file; those of a folder do not need its metadata.yaml."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, wanted: Wanted = nothing) -> None:
+        self._path, self._wanted = path, wanted
         self.warnings: list[str] = []
         # A log beside it has the last messages; without one, the folder may be read-only.
         how = "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
@@ -47,17 +60,36 @@ class SqliteBag:
         if not limits.held_columns(self._file) >= _NEEDED:
             raise sqlite3.DatabaseError("it has no tables topics and messages")
         self._names: dict[int, str] = {}
+        self._kinds: dict[int, str] = {}  # of those that are no diagnostics
         self.others: dict[str, str] = {}
         found = self._file.execute("SELECT id, name, type, serialization_format FROM topics")
         for number, name, kind, encoding in found:
-            if kind != TYPE:
+            if kind != TYPE and encoding == "cdr" and self._wanted(name):
+                self._names[number] = name
+                self._kinds[number] = kind
+            elif kind != TYPE:
                 self.others[name] = kind
             elif encoding == "cdr":
                 self._names[number] = name
             else:
                 self.warnings.append(f"{self._path}: {name} is encoded as {encoding}, not read")
+        self._definitions = self._read_definitions() if self._kinds else {}
         self.topics = set(self._names.values())
         self._query = _ROWS % ",".join(map(str, self._names))
+
+    def _read_definitions(self) -> dict[str, str]:
+        """By type; none of bags of before ROS 2 Iron."""
+        if not limits.held_columns(self._file) >= _OF_DEFINITIONS:
+            return {}
+        found = self._file.execute(
+            "SELECT topic_type, encoded_message_definition FROM message_definitions "
+            "WHERE encoding = 'ros2msg'"
+        )
+        return {str(kind): str(text) for kind, text in found}
+
+    def _content(self, number: int, data: bytes) -> Content:
+        kind = self._kinds.get(number)
+        return data if kind is None else Fields(kind, self._definitions.get(kind, ""), data)
 
     def _read_size(self) -> None:
         [(begin, end)] = self._file.execute("SELECT min(timestamp), max(timestamp) FROM messages")
@@ -96,7 +128,7 @@ class SqliteBag:
             if found is None:
                 found = self._file.execute(f"{self._query} ORDER BY timestamp")
             for number, at, data in found:
-                yield at / 1e9, self._names[number], plain(data)
+                yield at / 1e9, self._names[number], self._content(number, plain(data))
                 count += 1
         except sqlite3.Error as error:
             self._warn(count, error)

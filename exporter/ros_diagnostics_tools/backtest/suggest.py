@@ -354,15 +354,15 @@ def _thresholds(statistics: Statistics, profile: Profile) -> Iterator[Suggestion
 # -- for fleet.yml -----------------------------------------------------------------------------
 
 
-def as_yaml(found: Sequence[Suggestion]) -> str:
+def as_yaml(suggestions: Sequence[Suggestion]) -> str:
     """What to put into fleet.yml: the profiles with the proposed settings, reasons as comments.
 
     The lists go before a profile's own: the first entry that matches applies.
     """
     lines = ["profiles:"]
-    for profile in dict.fromkeys(each.profile for each in found):
+    for profile in dict.fromkeys(each.profile for each in suggestions):
         lines.append(f"  {profile}:")
-        own = [each for each in found if each.profile == profile]
+        own = [each for each in suggestions if each.profile == profile]
         for section in sorted({each.section for each in own}):
             lines += [f"    {section}:"] if section else []
             for each in own:
@@ -371,9 +371,9 @@ def as_yaml(found: Sequence[Suggestion]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _lines(each: Suggestion) -> list[str]:
-    indent = "      " if each.section else "    "
-    comment = f"{indent}# {each.reason}"
-    if not each.section:
-        return [comment, *(f"{indent}{key}: {value}" for key, value in each.entry.items())]
-    return [comment, f"{indent}- {json.dumps(each.entry, ensure_ascii=False)}"]
+def _lines(suggestion: Suggestion) -> list[str]:
+    indent = "      " if suggestion.section else "    "
+    comment = f"{indent}# {suggestion.reason}"
+    if not suggestion.section:
+        return [comment, *(f"{indent}{key}: {value}" for key, value in suggestion.entry.items())]
+    return [comment, f"{indent}- {json.dumps(suggestion.entry, ensure_ascii=False)}"]

@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.silences import Alert, Kind, Silence, valid
 from ros_diagnostics_exporter.texts import escape, one_line
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import meant
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
@@ -209,7 +210,7 @@ def _second(since: str) -> str:
 def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
-    found = [problem for problem in known if is_wanted(problem, wanted)]
+    found = [problem for problem in known if is_wanted(problem, wanted)] or _meant(known, wanted)
     if not found:
         raise NotDoneError(_not_firing(wanted, known))
     fleets = sorted({each.labels.get("fleet", "") for each in found})
@@ -217,6 +218,16 @@ def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
         names = ", ".join(map(one_line, fleets))
         raise NotDoneError(f"{str(wanted)!r} is of several fleets: say with --fleet which: {names}")
     return found
+
+
+def _meant(known: Sequence[Acknowledgeable], wanted: WantedProblem) -> list[Acknowledgeable]:
+    """Those of the component or check whose name is written shorter, or was copied."""
+    if not (wanted.robot and wanted.component):
+        return []
+    of_robot = [each for each in known if each.labels.get("robot") == wanted.robot]
+    names = (each.labels.get("component") or each.labels.get("check", "") for each in of_robot)
+    named = wanted._replace(component=meant(wanted.component, names))
+    return [each for each in of_robot if is_wanted(each, named)]
 
 
 def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:

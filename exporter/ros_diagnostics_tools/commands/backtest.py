@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TextIO
@@ -30,6 +30,7 @@ from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
+from ros_diagnostics_tools.backtest.small_topics import asked_names
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -175,7 +176,11 @@ def _run(options: BacktestOptions) -> None:
     fleet = _fleet(options, recording)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options, recording)
-    sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
+    asked = asked_names(filter(None, (fleet, other)))
+    sources = [
+        replace(_source(bag, fleet, domain_id, options.namespace or ""), asked=asked)
+        for bag in options.bags
+    ]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
         out = None
@@ -369,15 +374,15 @@ def _print_tables(judged: _Judged) -> None:
     console.print(report.summary(judged.result, judged.seconds), markup=False, highlight=False)
 
 
-def _print_suggestions(console: Console, found: list[suggest.Suggestion]) -> None:
-    if not found:
+def _print_suggestions(console: Console, suggestions: list[suggest.Suggestion]) -> None:
+    if not suggestions:
         console.print("nothing to propose: the settings fit what was recorded")
         return
     titles = ("Profile", "Component", "Setting", "Now", "Proposed", "Reason")
     table = make_table(*titles)
-    for each in found:
+    for each in suggestions:
         texts = each.profile, each.about, each.setting, each.current, each.proposed, each.reason
         table.add_row(*map(one_line, texts))
     console.print(table, markup=False)
     console.print("\nFor fleet.yml; entries of lists go before those that are there:\n")
-    console.print(suggest.as_yaml(found), markup=False, highlight=False, soft_wrap=True)
+    console.print(suggest.as_yaml(suggestions), markup=False, highlight=False, soft_wrap=True)

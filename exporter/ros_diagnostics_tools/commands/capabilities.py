@@ -41,27 +41,27 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
         _print(found, losses)
 
 
-def _print(found: dict[str, Any], losses: list[Loss]) -> None:
+def _print(answer: dict[str, Any], losses: list[Loss]) -> None:
     console = make_console()
-    if not found["capabilities"]:
+    if not answer["capabilities"]:
         console.print(
-            Text(f"fleet.yml has no capabilities for {one_line(found['robot'] or 'the fleet')}.")
+            Text(f"fleet.yml has no capabilities for {one_line(answer['robot'] or 'the fleet')}.")
         )
         return
     needed = {
         inner["capability"]
-        for each in found["capabilities"]
+        for each in answer["capabilities"]
         for inner in _inner(each["need"])
         if "capability" in inner
     }
-    by_name = {each["capability"]: each for each in found["capabilities"]}
+    by_name = {each["capability"]: each for each in answer["capabilities"]}
     table = make_table("State", "What")
     for name, each in by_name.items():
         if name not in needed:
             for state, depth, text in _lines(each, by_name, 0):
                 table.add_row(_chip(state), Text(_INDENT * depth + one_line(text)))
     console.print(table)
-    _print_losses(console, "The next part that fails", [each for each in losses if each.now])
+    _print_losses(console, "If one more part fails", [each for each in losses if each.now])
     single = [each for each in losses if each.single]
     _print_losses(console, "Single points of failure", single, single=True)
 
@@ -80,7 +80,7 @@ def _print_losses(
 ) -> None:
     console.print(Text(f"\n{title}:"))
     if not losses:
-        console.print(Text("  none"))
+        console.print(Text("  nothing more is lost"))
         return
     table = make_table("Part", "Lost with it")
     for each in losses:

@@ -32,8 +32,9 @@ from ros_diagnostics_exporter.silences import (
     silence,
     valid,
 )
-from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
+from ros_diagnostics_exporter.texts import escape, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import hint, meant, no_robot
 from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
@@ -149,14 +150,24 @@ def _duration(given: list[str]) -> float:
         raise click.UsageError(
             "give [ROBOT [COMPONENT]] DURATION and a --comment; or --list or --cancel"
         )
-    return Duration().convert(given.pop(), None, None)
+    last = given.pop()
+    try:
+        return Duration().convert(last, None, None)
+    except click.BadParameter as error:
+        raise click.UsageError(
+            f"{error.format_message().removeprefix('Invalid value: ')}; the duration is the last "
+            f"word: ros-diagnostics downtime {' '.join([*given, last])} 2h"
+        ) from error
 
 
 def _wanted(given: list[str], labels: dict[str, str]) -> WantedDowntime:
     if labels and given:
         raise click.UsageError("--site and --selector stand for ROBOT: give one or the other")
     if not labels and len(given) not in (1, 2):
-        raise click.UsageError("give ROBOT [COMPONENT] and, but with --cancel, a DURATION")
+        raise click.UsageError(
+            "missing ROBOT: ros-diagnostics downtime ROBOT [COMPONENT] DURATION; with --cancel "
+            "no DURATION"
+        )
     robot, component = ("", "") if labels else (given[0], given[1] if len(given) > 1 else "")
     if not (robot or labels) or max(len(robot), len(component)) > NAME_LENGTH:
         raise click.UsageError(f"a name has 1 to {NAME_LENGTH} characters")
@@ -167,9 +178,9 @@ def _plan(
     servers: Servers, fleet: str | None, wanted: WantedDowntime, planned: Downtime
 ) -> list[Planned]:
     """Plan it for each robot; wait until the exporter follows where it holds now."""
-    exporter, checked = servers.exporter, True
+    exporter, checked, component = servers.exporter, True, wanted.component
     try:
-        fleet, robots = _known(exporter, fleet, wanted)
+        fleet, robots, component = _known(exporter, fleet, wanted)
     except UnreachableError as error:
         if fleet is None or wanted.labels:
             hint = "name it with --url" + ("" if wanted.labels else "; or the fleet with --fleet")
@@ -177,7 +188,7 @@ def _plan(
         robots, checked = [wanted.robot], False
     done = []
     for robot in robots:
-        each = planned._replace(robot=robot, component=wanted.component)
+        each = planned._replace(robot=robot, component=component)
         done.append(Planned(_make(servers.alertmanager, fleet, each), fleet, each))
     if not checked:
         note = f"not checked: no exporter answers at {exporter.url}"
@@ -190,8 +201,10 @@ def _plan(
     return done
 
 
-def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple[str, list[str]]:
-    """The fleet and the robots that are meant.
+def _known(
+    exporter: Client, fleet: str | None, wanted: WantedDowntime
+) -> tuple[str, list[str], str]:
+    """The fleet, the robots and the component that are meant.
 
     Raises:
         NotDoneError: The exporter does not know the fleet, the robot or the component.
@@ -204,17 +217,13 @@ def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple
         raise NotDoneError(f"no robot has the labels {str(wanted)!r}")
     if not found:
         names = [each["robot"] for each in exporter.fleet()["robots"]]
-        raise NotDoneError(f"no robot {wanted.robot!r}{_hint(wanted.robot, names)}")
+        raise no_robot(wanted.robot, names)
     names = [each["component"] for each in found[0]["components"]]
-    if wanted.component and wanted.component not in names:
-        near = _hint(wanted.component, names)
-        raise NotDoneError(f"{wanted.robot} has no component {wanted.component!r}{near}")
-    return known["fleet"], [each["robot"] for each in found]
-
-
-def _hint(name: str, names: list[str]) -> str:
-    near = nearest(name, names)
-    return f"; the nearest is {near!r}" if near else ""
+    component = meant(wanted.component, names) if wanted.component else ""
+    if component and component not in names:
+        near = hint(component, names)
+        raise NotDoneError(f"{wanted.robot} has no component {component!r}{near}")
+    return known["fleet"], [each["robot"] for each in found], component
 
 
 def _make(client: Client, fleet: str, planned: Downtime) -> str:
@@ -243,13 +252,13 @@ def _cancel(servers: Servers, fleet: str | None, wanted: WantedDowntime) -> list
     planned = _planned(servers.alertmanager, fleet)
     robots = {wanted.robot}
     if wanted.labels:
-        fleet, found = _known(servers.exporter, fleet, wanted)
+        fleet, found, _ = _known(servers.exporter, fleet, wanted)
         planned, robots = [each for each in planned if each.fleet == fleet], set(found)
-    done = [
-        each
-        for each in planned
-        if each.downtime.robot in robots and each.downtime.component == wanted.component
-    ]
+    planned_here = [each for each in planned if each.downtime.robot in robots]
+    component = wanted.component
+    if component:
+        component = meant(component, (each.downtime.component for each in planned_here))
+    done = [each for each in planned_here if each.downtime.component == component]
     if not done:
         names = ", ".join(_name(each) for each in planned) or "none"
         raise NotDoneError(f"no downtime is planned for {str(wanted)!r}; planned: {names}")

@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 import click
 
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.names import hint, meant
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
@@ -28,6 +29,10 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
 
     It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
     """
+    known = servers.exporter.fleet((robot,))["robots"]
+    if component:
+        names = (each["component"] for of in known for each in of["components"])
+        component = meant(component, names, by_part=False)
     query = {"robot": robot} if component is None else {"robot": robot, "component": component}
     found = servers.exporter.post(f"/-/forget?{urlencode(query)}", {})
     if output == "json":
@@ -35,5 +40,12 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
     else:
         name = one_line(" ".join(query.values()))
         print(f"forgotten: {name}, {found['forgotten']} components")  # noqa: T201
+        if not known:
+            print(_of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:
             print(ALONE)  # noqa: T201
+
+
+def _of_unknown(robot: str, servers: Servers) -> str:
+    near = hint(robot, (each["robot"] for each in servers.exporter.fleet()["robots"]))
+    return one_line(f"no robot {robot!r} is known here{near}; alerts that are held for it end")

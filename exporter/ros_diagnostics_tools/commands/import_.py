@@ -9,7 +9,7 @@ from ros_diagnostics_tools.commands import import_autoware
 
 @click.group(epilog="Example: ros-diagnostics import autoware autoware-main.yaml")
 def command() -> None:
-    """Make fleet.yml of what another program knows of robots: Autoware's diagnostic graph."""
+    """Create a fleet.yml from another program's configuration: Autoware's diagnostic graph."""
 
 
 command.add_command(import_autoware.command)

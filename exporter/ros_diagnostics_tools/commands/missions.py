@@ -9,9 +9,9 @@ from urllib.parse import urlencode
 import click
 from rich.text import Text
 
-from ros_diagnostics_exporter.api.aborted import aborted_texts
 from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.aborted import aborted_texts
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
 

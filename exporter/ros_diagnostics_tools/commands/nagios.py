@@ -9,7 +9,7 @@ from ros_diagnostics_tools.commands import nagios_compare, nagios_import
 
 @click.group(epilog="Example: ros-diagnostics nagios import /etc/nagios4/nagios.cfg")
 def command() -> None:
-    """Come from Nagios: import its object files, compare its log with what happens here."""
+    """Migrate from Nagios: import its configuration, compare its notifications with these here."""
 
 
 command.add_command(nagios_import.command)

@@ -192,13 +192,13 @@ def _notes(
         yield "damaged lines", f"{theirs.damaged}, the first: {theirs.first_damaged}"
 
 
-def _content(found: Differences) -> dict[str, Any]:
+def _content(differences: Differences) -> dict[str, Any]:
     return {
-        "same": len(found.pairs),
-        "only_in_nagios": [_fields(each) for each in found.only_in_nagios],
-        "only_here": [_fields(each) for each in found.only_here],
-        "late": [{**_fields(each.nagios), "later_here": each.later} for each in found.late],
-        "explained": [{**_fields(each), "here": one.name} for each, one in found.explained],
+        "same": len(differences.pairs),
+        "only_in_nagios": [_fields(each) for each in differences.only_in_nagios],
+        "only_here": [_fields(each) for each in differences.only_here],
+        "late": [{**_fields(each.nagios), "later_here": each.later} for each in differences.late],
+        "explained": [{**_fields(each), "here": one.name} for each, one in differences.explained],
     }
 
 
@@ -212,13 +212,13 @@ def _fields(notice: Notice) -> dict[str, Any]:
     }
 
 
-def _print(found: Differences, since: float, until: float, notes: dict[str, str]) -> None:
+def _print(differences: Differences, since: float, until: float, notes: dict[str, str]) -> None:
     console = make_console()
     table = Table("Time", "Robot", "Service", "State", "Difference", box=None, pad_edge=False)
-    rows = [(each, f"only in Nagios: {each.detail:.80}") for each in found.only_in_nagios]
-    rows += [(each, f"only here: {each.detail:.80}") for each in found.only_here]
-    rows += [(each.nagios, _later(each.later)) for each in found.late]
-    rows += [(each, f"here one notification: {one.name}") for each, one in found.explained]
+    rows = [(each, f"only in Nagios: {each.detail:.80}") for each in differences.only_in_nagios]
+    rows += [(each, f"only here: {each.detail:.80}") for each in differences.only_here]
+    rows += [(each.nagios, _later(each.later)) for each in differences.late]
+    rows += [(each, f"here one notification: {one.name}") for each, one in differences.explained]
     for each, text in sorted(rows, key=lambda row: row[0].time):
         table.add_row(*cells((_clock(each.time), each.robot, each.service, each.state, text)))
     if rows:
@@ -227,9 +227,10 @@ def _print(found: Differences, since: float, until: float, notes: dict[str, str]
         console.print(Text(one_line(f"{what}: {note}")))
     console.print(
         Text(
-            f"{_clock(since)} to {_clock(until)}: {len(found.pairs)} the same, "
-            f"{len(found.only_in_nagios)} only in Nagios, {len(found.only_here)} only here, "
-            f"{len(found.late)} at another time, {len(found.explained)} in a larger one here"
+            f"{_clock(since)} to {_clock(until)}: {len(differences.pairs)} the same, "
+            f"{len(differences.only_in_nagios)} only in Nagios, "
+            f"{len(differences.only_here)} only here, {len(differences.late)} at another time, "
+            f"{len(differences.explained)} in a larger one here"
         )
     )
 

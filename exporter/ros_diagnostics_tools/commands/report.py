@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from ros_diagnostics_exporter.api.story import KINDS, occurrences
+from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.address import Address
@@ -33,7 +33,10 @@ Examples:
 """
 )
 @click.option(
-    "--week", is_flag=True, help="The seven days until --until; there is no other period."
+    "--week",
+    is_flag=True,
+    expose_value=False,
+    help="The seven days until --until: the default, and the only period.",
 )
 @click.option(
     "--until",
@@ -61,7 +64,6 @@ Examples:
 def command(
     *,
     servers: Servers,
-    week: bool,
     until: datetime,
     target: float,
     prometheus: str,
@@ -75,8 +77,6 @@ def command(
 
     Availability is what Prometheus recorded; all else is of the exporter's event log.
     """
-    if not week:
-        raise click.UsageError("say which period: --week")
     if mail_to and not mail_from:
         raise click.UsageError("--mail-to needs --mail-from")
     found = _ask(servers, Client(prometheus, **servers.options), until, target / 100)

@@ -6,6 +6,7 @@ import fnmatch
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
@@ -28,6 +29,7 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
+from ros_diagnostics_tools.names import rest_of
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -139,29 +141,54 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
-    table, now = (
-        make_table("State", "Robot", "What", "Confirmed", "Since", "Message"),
-        fleet["time"],
-    )
+    rows, now = list[tuple[Text, ...]](), fleet["time"]
     for each in shown_problems(fleet, now, PROBLEMS_SHOWN, local=True)[0]:
-        _add_problem(table, "", each, now)
+        rows.append(_problem("", each.subject, each, now))
     for robot in robots:
+        short = short_names(robot)
         problems, number = shown_problems(robot, now, PROBLEMS_SHOWN, local=True)
         for each in problems:
-            _add_problem(table, robot["robot"], each, now)
+            path = component_path(each.problem)
+            about = each.subject.replace(path, short.get(path, path))
+            rows.append(_problem(robot["robot"], about, each, now))
         if number > len(problems):
-            table.add_row("", _plain(robot["robot"]), f"and {number - len(problems)} more")
+            more = f"and {number - len(problems)} more"
+            rows.append((Text(), *map(_plain, (robot["robot"], more, "", "", ""))))
         if not problems:
-            text = _plain(_received(robot, now))
-            table.add_row(_coloured(state_of(robot)), _plain(robot["robot"]), "", "", "", text)
+            texts = (robot["robot"], "", "", "", _received(robot, now))
+            rows.append((_coloured(state_of(robot)), *map(_plain, texts)))
+    return _without_empty_columns(COLUMNS, rows)
+
+
+def _problem(robot: str, about: str, shown: ShownProblem, now: float) -> tuple[Text, ...]:
+    texts = (robot, about, shown.standing, _since(shown, now), shown.message)
+    return (_coloured(shown.state), *map(_plain, texts))
+
+
+def short_names(robot: dict[str, Any]) -> dict[str, str]:
+    """The path of each component -> its name: without its node and group where the rest is unique.
+
+    "motors: Motor 2" is "Motor 2", unless the robot has "arm: Motor 2" as well.
+    """
+    of_problems = (each for each in robot["problems"] if each["component"])
+    found = [*robot["components"], *of_problems]
+    names = {component_path(each): each["component"] for each in found}
+    rests = Counter(map(rest_of, names.values()))
+    whole = Counter(names.values())
+    return {
+        path: rest if rests[rest] == 1 else name if whole[name] == 1 else path
+        for path, name in names.items()
+        for rest in [rest_of(name)]
+    }
+
+
+def _without_empty_columns(titles: Sequence[str], rows: Iterable[tuple[Text, ...]]) -> Table:
+    rows = list(rows)
+    kept = [number for number in range(len(titles)) if not rows or any(row[number] for row in rows)]
+    table = make_table(*(titles[number] for number in kept))
+    for row in rows:
+        table.add_row(*(row[number] for number in kept))
     return table
-
-
-def _add_problem(table: Table, robot: str, shown: ShownProblem, now: float) -> None:
-    table.add_row(
-        _coloured(shown.state),
-        *map(_plain, (robot, shown.subject, shown.standing, _since(shown, now), shown.message)),
-    )
 
 
 def _since(shown: ShownProblem, now: float) -> str:
@@ -177,24 +204,27 @@ def _received(robot: dict[str, Any], now: float) -> str:
 
 def _components(robots: list[dict[str, Any]], now: float) -> Table:
     titles = ("State", "Robot", "Component", "Confirmed", "Since", "Message", "Values")
-    table = make_table(*titles)
+    rows = []
     for robot in robots:
+        short = short_names(robot)
         worst: dict[tuple[str, str], ShownProblem] = {}
         number = len(robot["problems"])
         for shown in shown_problems(robot, now, number, local=True)[0]:
             worst.setdefault((shown.problem["group"], shown.problem["component"]), shown)
         for each in robot["components"]:
             problem = worst.get((each["group"], each["component"]))
-            table.add_row(
-                _coloured(each["state"] if problem is None else problem.state),
-                _plain(robot["robot"]),
-                _plain(component_path(each)),
-                _plain("" if problem is None else problem.standing),
-                _plain("" if problem is None else _since(problem, now)),
-                _plain(each["message"] if problem is None else problem.message),
-                _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
+            rows.append(
+                (
+                    _coloured(each["state"] if problem is None else problem.state),
+                    _plain(robot["robot"]),
+                    _plain(short[component_path(each)]),
+                    _plain("" if problem is None else problem.standing),
+                    _plain("" if problem is None else _since(problem, now)),
+                    _plain(each["message"] if problem is None else problem.message),
+                    _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
+                )
             )
-    return table
+    return _without_empty_columns(titles, rows)
 
 
 def _plain(*lines: str) -> Text:

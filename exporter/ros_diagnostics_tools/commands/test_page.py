@@ -11,6 +11,7 @@ import click
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -72,7 +73,7 @@ def command(
 def _labels(exporter: Client, robot: str, severity: str) -> dict[str, str]:
     known = exporter.fleet((robot,))
     if not known["robots"]:
-        raise NotDoneError(f"no robot {robot!r}; see ros-diagnostics status")
+        raise no_robot(robot, [each["robot"] for each in exporter.fleet()["robots"]])
     return {
         **known["robots"][0]["labels"],
         "alertname": ALERT,

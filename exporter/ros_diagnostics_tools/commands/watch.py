@@ -21,7 +21,10 @@ def command() -> None:
 @with_output()
 @with_servers
 def accept(servers: Servers, output: str, robot: str) -> None:
-    """Expect of ROBOT what is there now: its silent faults end, and it is no shadow any more."""
+    """Accept ROBOT's present nodes and topics as the expected ones.
+
+    Its silent faults end, and its first week, in which nobody is notified of them, is over.
+    """
     found = servers.exporter.post(f"/-/watch/accept?{urlencode({'robot': robot})}", {})
     if output == "json":
         print_json(found)

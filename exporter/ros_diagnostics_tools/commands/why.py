@@ -10,9 +10,10 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.names import meant, no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
 from ros_diagnostics_tools.times import Moment
@@ -33,11 +34,22 @@ from ros_diagnostics_tools.times import Moment
 def command(
     servers: Servers, output: str, robot: str, component: str | None, at: datetime | None
 ) -> None:
-    """Show why somebody was notified of the faults of ROBOT, or of its COMPONENT, or nobody."""
+    """Explain who was notified of the faults of ROBOT, or of its COMPONENT, or why nobody was."""
     moment = None if at is None else str(at.timestamp())
+    if component:
+        known = servers.exporter.fleet((robot,))["robots"]
+        component = meant(
+            component, (each["component"] for of in known for each in of["components"])
+        )
     query = {"robot": robot, "component": component, "at": moment}
     path = f"/api/v1/why?{urlencode({key: text for key, text in query.items() if text})}"
-    found = servers.exporter.get(path)
+    try:
+        found = servers.exporter.get(path)
+    except AnsweredError as error:
+        names = [each["robot"] for each in servers.exporter.fleet()["robots"]]
+        if robot in names:
+            raise
+        raise no_robot(robot, names) from error
     if not isinstance(found, dict) or not {"entries", "now", "time"} <= found.keys():
         raise UnreachableError(f"{servers.exporter.url}{path} is not a ROS diagnostics exporter")
     if output == "json":
@@ -46,13 +58,13 @@ def command(
         _print(found)
 
 
-def _print(found: dict[str, Any]) -> None:
+def _print(answer: dict[str, Any]) -> None:
     console = make_console()
     table = Table("Time", "What happened", box=None, pad_edge=False)
-    for each in found["entries"]:
-        moment = clock(each["time"], found["time"], local=True)
+    for each in answer["entries"]:
+        moment = clock(each["time"], answer["time"], local=True)
         table.add_row(*cells((moment, each["text"])))
-    console.print(table if found["entries"] else Text("No fault and no event at that time."))
-    console.print(Text(f"\nNow, {clock(found['time'], found['time'], local=True)}:"))
-    for sentence in found["now"] or ["no problem"]:
+    console.print(table if answer["entries"] else Text("No fault and no event at that time."))
+    console.print(Text(f"\nNow, {clock(answer['time'], answer['time'], local=True)}:"))
+    for sentence in answer["now"] or ["no problem"]:
         console.print(Text(f"  {one_line(sentence)}"))

@@ -221,11 +221,12 @@ class OnCall:
             for level in found
         }
 
-    def _clashes(self, level: Level, found: list[Stretch], begin: datetime) -> Iterator[Finding]:
-        wrong = [each for each in found if len(each.people) != 1]
-        more = (
-            f", and {len(wrong) - _SHOWN} more gaps or overlaps until {self.local(found[-1].end)}"
-        )
+    def _clashes(
+        self, level: Level, stretches: list[Stretch], begin: datetime
+    ) -> Iterator[Finding]:
+        wrong = [each for each in stretches if len(each.people) != 1]
+        until = self.local(stretches[-1].end)
+        more = f", and {len(wrong) - _SHOWN} more gaps or overlaps until {until}"
         for number, each in enumerate(wrong[:_SHOWN], start=1):
             people, start = sorted(each.people), max(each.start, begin)
             who = f"{' and '.join(people)} are all on call" if people else "nobody is on call"
@@ -370,6 +371,6 @@ def _overrides(
             yield Override(start, end, entry.person, entry.instead_of)
 
 
-def _moment(found: datetime, zone: ZoneInfo) -> datetime:
+def _moment(time: datetime, zone: ZoneInfo) -> datetime:
     """A time of the file as an instant in UTC."""
-    return found.astimezone(timezone.utc) if found.tzinfo else instant(found, zone)
+    return time.astimezone(timezone.utc) if time.tzinfo else instant(time, zone)

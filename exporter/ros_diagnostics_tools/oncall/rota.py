@@ -119,9 +119,9 @@ def _on_call(on_shift: set[str], overriding: set[Override]) -> frozenset[str]:
     return frozenset((on_shift - replaced) | instead)
 
 
-def _merged(found: Iterable[Stretch]) -> Iterator[Stretch]:
+def _merged(stretches: Iterable[Stretch]) -> Iterator[Stretch]:
     last: Stretch | None = None
-    for each in found:
+    for each in stretches:
         if last is not None and last.people == each.people:
             last = Stretch(last.start, each.end, last.people)
             continue

@@ -88,6 +88,6 @@ def _lost(recorded: Recorded, end: float) -> list[dict[str, Any]]:
     )
 
 
-def _worst_first(each: tuple[str, Availability]) -> tuple[Any, ...]:
-    robot, found = each
+def _worst_first(robot_share: tuple[str, Availability]) -> tuple[Any, ...]:
+    robot, found = robot_share
     return 2.0 if found.share is None else found.share, natural(robot)

@@ -20,28 +20,28 @@ _WORST = "#C1121F", "#FFFFFF"
 _NONE = "#FFFFFF", "#59636E"
 
 
-def page(found: dict[str, Any]) -> str:
+def page(report: dict[str, Any]) -> str:
     """The report's numbers as HTML; all texts of robots are escaped."""
     return _ENVIRONMENT.get_template("report.html").render(
-        title=subject_line(found), rows=summary(found), report=found
+        title=subject_line(report), rows=summary(report), report=report
     )
 
 
-def text(found: dict[str, Any]) -> str:
+def text(report: dict[str, Any]) -> str:
     """The summary as text, for a reader of mails that shows no HTML."""
-    lines = [f"{name}: {now} (week before: {before})" for name, now, before in summary(found)]
-    return "\n".join([subject_line(found), "", *lines]) + "\n"
+    lines = [f"{name}: {now} (week before: {before})" for name, now, before in summary(report)]
+    return "\n".join([subject_line(report), "", *lines]) + "\n"
 
 
-def subject_line(found: dict[str, Any]) -> str:
+def subject_line(report: dict[str, Any]) -> str:
     """The title, as a mail's subject."""
-    return one_line(f"{found['fleet']}: robots, week until {_date(found['end'])}")
+    return one_line(f"{report['fleet']}: robots, week until {_date(report['end'])}")
 
 
-def summary(found: dict[str, Any]) -> list[tuple[str, str, str]]:
+def summary(report: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Each number of the week by its name, and that of the week before."""
-    target = found["target"]
-    weeks = found["week"], found["week_before"]
+    target = report["target"]
+    weeks = report["week"], report["week_before"]
     shown = {
         "Availability": [percent(week["availability"]) for week in weeks],
         f"Budget left for {target * 100:g} % (robot minutes)": [_budget(week) for week in weeks],

@@ -257,8 +257,7 @@ def fired() -> table.Panel:
     """List the alerts that fired in the time range, most often first."""
     return tables.joined(
         "Fired in the time range",
-        "Which alerts fired, how often, and when did what they are about begin last? Most often "
-        "first.",
+        "Which alerts fired, how often, and when did the last one begin? Most often first.",
         {"A": _TIMES_FIRED, "B": _LAST_BEGAN},
         [
             Column("A", "Times", width=70),

@@ -179,8 +179,8 @@ def problems() -> table.Panel:
         "the oldest. The message is that at the time of confirmation, with values and what else "
         "was wrong; of what is not confirmed yet, the present one. A silent robot is one row, and "
         "so is what has one cause on many robots. Confirmed problems have lasted for their "
-        "confirm_after, and an alert fires. Care is who has it or was notified, or why nobody was. "
-        "Unhandled, at the top, leaves out what is acknowledged or planned.",
+        "confirm_after, and an alert fires. Handled by: who has it or was notified, or why "
+        "nobody was. Unhandled, at the top, leaves out what is acknowledged or planned.",
         _PROBLEMS,
         _MATCHERS,
         of_states=_STATES,

@@ -446,8 +446,8 @@ def canary_under_way() -> stat.Panel:
     """Show for how long a test notification has been waited for."""
     start = f"ros_diagnostics_canary_start_timestamp_seconds{{{_FLEET}}}"
     panel = panels.number(
-        "Under way",
-        "For how long has a test notification been waited for? Red: longer than a minute.",
+        "Canary in flight",
+        "How long ago was the present test notification sent? Red: longer than a minute.",
         f"""
           max by (fleet) (time() - {start})
         or

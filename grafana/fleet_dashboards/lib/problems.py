@@ -235,7 +235,7 @@ _COLUMNS = (
     Column("message", "Message", mappings=palette.reason_mappings(), min_width=160, wrapped=True),
     Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
     Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Care", width=230, wrapped=True, links=links.OF_PROBLEM),
+    Column("care", "Handled by", width=230, wrapped=True, links=links.OF_PROBLEM),
     tables.FLEET._replace(hidden=True),
     Column("instance", "Exporter", hidden=True),
     Column("fault", "Fault", hidden=True),

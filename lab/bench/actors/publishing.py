@@ -14,6 +14,7 @@ from itertools import count
 from struct import pack_into
 
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 from bench.actors.pace import ticks
 from bench.robots import COMPONENTS, GROUPS, aggregated_array
@@ -23,6 +24,8 @@ from support.zenoh_robots import Bridge
 from testbed.polling import until
 
 HOSTILE_TOPIC = "/hostile/diagnostics_agg"
+FAULTY_TOPIC = "/hostile_faulty/diagnostics_agg"
+FAILS_AFTER = 15  # arrays of the robot that has a fault
 MATCHED = 120.0  # seconds until the exporter has subscribed a whole fleet
 ALL = range(GROUPS * COMPONENTS)
 STAMP_AT = 4  # offset of header.stamp.sec in a serialized array
@@ -65,13 +68,30 @@ def publish_fleet(
         for tick, late in ticks(len(topics), seconds):
             turn, robot = divmod(tick, len(topics))
             if robot == 0:
-                data = bytearray(_serialize(_partly_changed(turn, changing)))
+                data = bytearray(serialize(_partly_changed(turn, changing)))
                 print(f"turn {turn}, late at worst {worst:.3f} s", flush=True)
             pack_into("<I", data, STAMP_AT, int(time.time()))
             fleet.send_bytes(topics[robot], bytes(data))
             worst = max(worst, late)
         fleet.wait_for_acknowledgements()
         print(f"all of {int(seconds)} turns acknowledged, late at worst {worst:.3f} s", flush=True)
+
+
+def publish_joints(where: str, robots: range, rate: float, seconds: float) -> None:
+    """Publish each robot's joints so many times a second, evenly spread; whoever listens or not."""
+    names = [f"joint_{number}" for number in range(10)]
+    with publisher(int(where)) as fleet:
+        topics = [f"/robot_{robot}/joint_states" for robot in robots]
+        for topic in topics:
+            fleet.offer(topic, kind=JointState, depth=10)
+        for tick, late in ticks(rate * len(topics), seconds):
+            turn, robot = divmod(tick, len(topics))
+            if robot == 0:
+                efforts = [number + turn / 1000 for number in range(len(names))]
+                data = bytes(serialize_message(JointState(name=names, effort=efforts)))
+            if tick % int(rate * len(topics)) == 0:
+                print(f"{tick} messages sent, late {late:.3f} s", flush=True)
+            fleet.send_bytes(topics[robot], data)
 
 
 def _partly_changed(turn: int, changing: Collection[int]) -> list[Status]:
@@ -91,23 +111,30 @@ class Flood:
     rate: float
     variants: int
     statuses: Callable[[int], list[Status]]  # of one variant
+    topic: str = HOSTILE_TOPIC
+    ends: bool = False  # with the last variant, which is sent from then on
+
+    def variant(self, tick: int) -> int:
+        """Which is sent."""
+        return min(tick, self.variants - 1) if self.ends else tick % self.variants
 
 
 def publish_flood(where: str, name: str, seconds: float) -> None:
-    """Publish one of FLOODS on the hostile robot's topic."""
+    """Publish one of FLOODS on its topic."""
     flood = FLOODS[name]
-    arrays = [_serialize(flood.statuses(variant)) for variant in range(flood.variants)]
+    arrays = [serialize(flood.statuses(variant)) for variant in range(flood.variants)]
     with robots_at(where) as hostile:
         # Deep: what the exporter's kernel drops is sent again until the exporter has it.
-        hostile.offer(HOSTILE_TOPIC)
+        hostile.offer(flood.topic)
         hostile.wait_for_listeners()
         for tick, _ in ticks(flood.rate, seconds):
             if tick % max(1, int(flood.rate)) == 0:
                 print(f"{tick} arrays of {len(arrays[0]) / 1e3:,.0f} kB sent", flush=True)
-            hostile.send_bytes(HOSTILE_TOPIC, arrays[tick % len(arrays)])
+            hostile.send_bytes(flood.topic, arrays[flood.variant(tick)])
 
 
-def _serialize(statuses: list[Status] | tuple[Status, ...]) -> bytes:
+def serialize(statuses: list[Status] | tuple[Status, ...]) -> bytes:
+    """An array of these statuses as it is sent."""
     return bytes(serialize_message(message(statuses)))
 
 
@@ -118,7 +145,7 @@ def _aggregated(components: list[Status]) -> list[Status]:
     return [Status(0, "/Hostile", "OK", "", rows), *below]
 
 
-def _big(components: int, variant: int) -> list[Status]:
+def big(components: int, variant: int) -> list[Status]:
     """Components of 0.5 kB, of which every value changes."""
     values = tuple((f"Voltage {key:02} (V)", f"{variant}.{key:02}") for key in range(16))
     return _aggregated(
@@ -139,9 +166,23 @@ def _flapping(variant: int) -> list[Status]:
     return _aggregated([Status(variant, f"Part {n}", text, "hw-1") for n in range(15)])
 
 
+def _levels(variant: int) -> list[Status]:
+    """100 components whose levels go round, with the longest text there is."""
+    text = "x" * LONGEST_TEXT
+    return _aggregated([Status((n + variant) % 3, f"Part {n}", text, "hw-1") for n in range(100)])
+
+
+def _faulty(variant: int) -> list[Status]:
+    """A component that fails for good."""
+    return _aggregated([Status(2 * (variant == FAILS_AFTER), "Motor", "Hot", "hw-1")])
+
+
 FLOODS = {
-    "fast": Flood(60, 2, lambda variant: _big(475, variant)),
+    "fast": Flood(60, 2, lambda variant: big(475, variant)),
     "equal-keys": Flood(1, 4, _equal_keys),
-    "huge": Flood(20, 2, lambda variant: _big(4_850, variant)),
+    "huge": Flood(20, 2, lambda variant: big(4_850, variant)),
     "flapping": Flood(60, 2, _flapping),
+    "levels": Flood(10, 3, _levels),
+    "heavy": Flood(20, 2, lambda variant: big(1_500, variant)),
+    "faulty": Flood(1, FAILS_AFTER + 1, _faulty, FAULTY_TOPIC, ends=True),
 }

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import importlib
+from collections.abc import Collection, Mapping
 from enum import Enum
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from virtual_robots.recording.cdr import encode_array, encode_status
 from virtual_robots.ros.contexts import DomainError, check_domain_id, open_context, quiet_node
-from virtual_robots.simulation.outputs import Message, Output, Presence, Topic
+from virtual_robots.simulation.outputs import FieldMessage, Message, Output, Presence, Topic
 
 DRIVER_NODE = "virtual_robot_driver"
 TYPES = {
@@ -54,7 +55,8 @@ class Transport:
 
     ``robots`` are all names that can appear; with DOMAIN the first has ``domain_id`` and each of
     the others the next one. Without ``aggregated`` they have their raw topic only: another program
-    publishes the rest. Raises DomainError if these are more domains than there are.
+    publishes the rest. Those ``without`` diagnostics have none of these topics. Raises DomainError
+    if these are more domains than there are.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class Transport:
         participants: Participants,
         *,
         aggregated: bool = True,
+        without: Collection[str] = (),
     ) -> None:
         self._topics = tuple(Topic) if aggregated else (Topic.RAW,)
         step = 1 if participants is Participants.DOMAIN else 0
@@ -80,31 +83,37 @@ class Transport:
         if participants is Participants.FLEET:
             self._shared = _open(domain_id, f"{DRIVER_NODE}s", None)
         self._own: dict[str, tuple[Context, Node]] = {}
-        self._publishers: dict[tuple[str, Topic], Any] = {}
+        self._without = frozenset(without)
+        self._present: set[str] = set()
+        self._publishers: dict[tuple[str, str], Any] = {}  # by robot and topic
 
     def publish(self, output: Output, started: float) -> None:
         """Publish a message or change the graph; ``started``: Unix time of the fleet's start."""
         if isinstance(output, Message):
             self._publish(output, started)
+        elif isinstance(output, FieldMessage):
+            self._publish_fields(output)
         elif isinstance(output, Presence):
             change = self.add if output.present else self.remove
             change(output.robot)
 
     def add(self, robot: str) -> None:
         """Add the robot to the graph, if it is not there."""
-        if (robot, Topic.RAW) in self._publishers:
+        if robot in self._present:
             return
+        self._present.add(robot)
         node = self._node_of(robot)
         # As upstream: reliable, volatile, and the last message only.
         qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-        for topic in self._topics:
+        for topic in () if robot in self._without else self._topics:
             name = f"/{robot}/{topic.value}"
-            self._publishers[robot, topic] = node.create_publisher(TYPES[topic], name, qos)
+            self._publishers[robot, topic.value] = node.create_publisher(TYPES[topic], name, qos)
 
     def remove(self, robot: str) -> None:
         """Remove the robot from the graph at once, without waiting for its lease."""
-        for topic in self._topics:
-            publisher = self._publishers.pop((robot, topic))
+        self._present.discard(robot)
+        for key in [each for each in self._publishers if each[0] == robot]:
+            publisher = self._publishers.pop(key)
             if self._shared is not None:
                 self._shared[1].destroy_publisher(publisher)
         if robot in self._own:
@@ -122,11 +131,26 @@ class Transport:
             data = encode_status(message.statuses[0])
         else:
             data = encode_array(message.statuses, started + message.stamp)
-        self._publishers[message.robot, message.topic].publish(data)
+        self._publishers[message.robot, message.topic.value].publish(data)
+
+    def _publish_fields(self, message: FieldMessage) -> None:
+        package, _, name = message.topic.type.split("/")
+        kind = getattr(importlib.import_module(f"{package}.msg"), name)
+        key = message.robot, message.topic.topic
+        if key not in self._publishers:
+            kept = DurabilityPolicy.TRANSIENT_LOCAL if message.topic.latched else None
+            qos = QoSProfile(depth=1, durability=kept or DurabilityPolicy.VOLATILE)
+            node = self._node_of(message.robot)
+            self._publishers[key] = node.create_publisher(kind, "/" + "/".join(key), qos)
+        types = kind.get_fields_and_field_types()
+        fields = {each: _read(types[each], text) for each, text in message.fields}
+        self._publishers[key].publish(kind(**fields))
 
     def _node_of(self, robot: str) -> Node:
         if self._shared is not None:
             return self._shared[1]
+        if robot in self._own:
+            return self._own[robot][1]
         self._own[robot] = _open(self._domains[robot], DRIVER_NODE, f"/{robot}")
         return self._own[robot][1]
 
@@ -134,6 +158,15 @@ class Transport:
 def _open(domain_id: int, name: str, namespace: str | None) -> tuple[Context, Node]:
     context = open_context(domain_id)
     return context, quiet_node(name, context, namespace)
+
+
+def _read(kind: str, text: str) -> object:
+    """The value of a field of a type, of its text in a kind's file."""
+    if kind == "boolean":
+        return bool(float(text))
+    if kind in ("float", "double"):
+        return float(text)
+    return text if kind.startswith("string") else int(text)
 
 
 def _close(context: Context, node: Node) -> None:

@@ -132,13 +132,26 @@ class FaultModel(Document):
         return self
 
 
+class TopicModel(Document):
+    """A topic of a component's own: a message of ``type``, whose ``fields`` are texts.
+
+    What is ``latched`` is published when it changes, and kept for late joiners.
+    """
+
+    topic: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(/[a-z][a-z0-9_]*)*$")]
+    type: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$")]
+    fields: dict[str, str]
+    latched: bool = False
+
+
 class ComponentModel(Document):
     """One or ``count`` components; ``{n}`` in name and hardware_id is the number.
 
     ``message``, and the texts in ``values``, may use the variables, as in ``{temperature:.1f}``,
     and the ``texts``, which depend on variables. A battery `level` also gives `level_charging` (1
     while it is charged, else 0). ``warn`` and ``error`` are the messages of a fault that brings
-    none of its own; of the ``rules`` the first that holds counts.
+    none of its own; of the ``rules`` the first that holds counts. What ``publishes`` a topic is in
+    no array.
     """
 
     name: Name
@@ -151,6 +164,7 @@ class ComponentModel(Document):
     texts: dict[str, Choice] = Field(default_factory=dict)
     values: dict[str, str] = Field(default_factory=dict)
     rules: tuple[Rule, ...] = ()
+    publishes: TopicModel | None = None
     faults: dict[str, FaultModel] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -159,7 +173,7 @@ class ComponentModel(Document):
         used = {condition.variable for condition in (*self.rules, *self.texts.values())}
         used |= {fault.drive for fault in self.faults.values() if fault.drive}
         used |= {v.follows for v in self.variables.values() if isinstance(v, Linear)}
-        for template in (self.message, *self.values.values()):
+        for template in self._templates():
             used |= {name for _, name, _, _ in string.Formatter().parse(template) if name}
         used -= set(self.texts)
         if used - known:
@@ -173,12 +187,16 @@ class ComponentModel(Document):
         batteries = {name for name, v in self.variables.items() if isinstance(v, Battery)}
         return {*self.variables, *(f"{name}_charging" for name in batteries)}
 
+    def _templates(self) -> tuple[str, ...]:
+        fields = {} if self.publishes is None else self.publishes.fields
+        return (self.message, *self.values.values(), *fields.values())
+
     def _try_templates(self) -> None:
         """Fill the templates in once, so that an error shows now and not at the first message."""
         values: dict[str, float | str] = {**dict.fromkeys(self._numbers(), 1.0)}
         values |= dict.fromkeys(self.texts, "")
         try:
-            for template in (self.message, *self.values.values()):
+            for template in self._templates():
                 template.format_map(values)
             for numbered in (self.name, self.hardware_id):
                 numbered.format(n=1)
@@ -187,9 +205,24 @@ class ComponentModel(Document):
 
 
 class KindModel(Document):
-    """A kind of robot; ``analyzers`` is the diagnostics.yaml beside this file."""
+    """A kind of robot; ``analyzers`` is the diagnostics.yaml beside this file.
+
+    One whose components all publish topics of their own has no diagnostics, and no analyzers.
+    """
 
     description: str = ""
     components: tuple[ComponentModel, ...]
-    analyzers: Name
+    analyzers: Name | None = None
     period: float = Field(default=1.0, gt=0)
+
+    @property
+    def has_diagnostics(self) -> bool:
+        """Whether any component is in arrays."""
+        return any(each.publishes is None for each in self.components)
+
+    @model_validator(mode="after")
+    def _has_analyzers_for_diagnostics(self) -> KindModel:
+        if self.has_diagnostics != (self.analyzers is not None):
+            what = "needs analyzers" if self.has_diagnostics else "has analyzers and no diagnostics"
+            raise ValueError(what)
+        return self

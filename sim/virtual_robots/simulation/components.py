@@ -103,6 +103,14 @@ class Component:
         )
         return Status(level, self.name, message, self.hardware_id, values)
 
+    def fields(self) -> tuple[tuple[str, str], ...]:
+        """The texts of the fields that it publishes; none while it is silent."""
+        topic = self.model.publishes
+        if topic is None or (self.fault and self.fault.what == "silent"):
+            return ()
+        values = self._template_values()
+        return tuple((name, text.format_map(values)) for name, text in topic.fields.items())
+
     def starting_up(self) -> Status:
         """Return what diagnostic_updater sends for a task before its first run."""
         return Status(OK, self.name, STARTING_UP)

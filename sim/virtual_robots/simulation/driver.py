@@ -5,9 +5,11 @@ It does not know when, nor where to.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from virtual_robots.model import Status
+from virtual_robots.schema.kinds import TopicModel
 from virtual_robots.simulation.components import Component, Fault
 
 SEQUENCE = "Sequence"
@@ -22,6 +24,7 @@ class Driver:
     sequence: int = 0
     clock_offset: float = 0.0
     _last_tick: float | None = field(default=None, repr=False)
+    _latched: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict, repr=False)
 
     def component(self, name: str) -> Component:
         """Return a component. Raises KeyError with a text that lists all names."""
@@ -51,6 +54,7 @@ class Driver:
         """Start the process anew: the sequence begins at 1 and no component has run yet."""
         self.sequence = 0
         self._last_tick = None
+        self._latched.clear()
 
     def tick(self, now: float) -> tuple[Status, ...]:
         """Return the array to publish at ``now``: a status for each component that reports.
@@ -62,7 +66,8 @@ class Driver:
         self.sequence += 1
         if self._last_tick is None:
             self._last_tick = now
-            statuses = [component.starting_up() for component in self.components]
+            reporting = (each for each in self.components if each.model.publishes is None)
+            statuses = [component.starting_up() for component in reporting]
         else:
             elapsed, self._last_tick = now - self._last_tick, now
             statuses = self._advanced(now, elapsed)
@@ -75,6 +80,26 @@ class Driver:
         statuses = []
         for component in self.components:
             component.advance(now, elapsed)
-            if (status := component.status(now)) is not None:
+            in_array = component.model.publishes is None
+            if in_array and (status := component.status(now)) is not None:
                 statuses.append(status)
         return statuses
+
+    @property
+    def has_diagnostics(self) -> bool:
+        """Whether any component is in its arrays."""
+        return any(component.model.publishes is None for component in self.components)
+
+    def messages(self) -> Iterator[tuple[TopicModel, tuple[tuple[str, str], ...]]]:
+        """The messages of topics of their own that are due, with the texts of their fields."""
+        for component in self.components:
+            topic, fields = component.model.publishes, component.fields()
+            if topic is None or not fields:
+                continue
+            if not topic.latched or self._latched.get(topic.topic) != fields:
+                self._latched[topic.topic] = fields
+                yield topic, fields
+
+    def publish_again(self) -> None:
+        """Have what is latched published again: the robot left the graph."""
+        self._latched.clear()

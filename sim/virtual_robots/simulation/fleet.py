@@ -18,7 +18,7 @@ from virtual_robots.schema.thesis import COUNTS, ThesisSettings, draw, load_sett
 from virtual_robots.simulation.components import Fault
 from virtual_robots.simulation.driver import Driver
 from virtual_robots.simulation.kinds import build_components, load_analyzers, load_kind
-from virtual_robots.simulation.outputs import Message, Output, Presence, Topic
+from virtual_robots.simulation.outputs import FieldMessage, Message, Output, Presence, Topic
 from virtual_robots.simulation.robots import RobotSpec, State, VirtualRobot
 
 # A real aggregator's first array after its start is often from before any input: all headers, no
@@ -143,7 +143,7 @@ class Fleet:
     def _switch_on(self, robot: VirtualRobot, at: float) -> None:
         """Start driver and aggregator; the first message comes soon after ``at``."""
         robot.driver.boot()
-        if self._version is not None:
+        if self._version is not None and robot.driver.has_diagnostics:
             robot.aggregator = Aggregator(load_analyzers(robot.spec.kind), at, self._version)
         self.resume(robot, at)
 
@@ -170,8 +170,13 @@ class Fleet:
             return
         driver = robot.driver
         statuses = driver.tick(now)
-        if robot.online:
+        if robot.online and driver.has_diagnostics:
             yield Message(now, driver.name, Topic.RAW, statuses, now + driver.clock_offset)
+        if robot.online:
+            for topic, fields in driver.messages():
+                yield FieldMessage(now, driver.name, topic, fields)
+        else:
+            driver.publish_again()
         if robot.aggregator is not None:
             yield from _published(robot, robot.aggregator.receive(statuses, now), now)
         self.schedule(now + robot.period, lambda then: self._tick(robot, generation, then))
@@ -198,6 +203,7 @@ def _warnings(kinds: set[Path], version: str | None) -> list[str]:
     return [
         text
         for kind in sorted(kinds)
+        if load_kind(kind).has_diagnostics
         for text in Aggregator(load_analyzers(kind), 0.0, version).warnings
     ]
 

@@ -6,6 +6,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from virtual_robots.model import Status
+from virtual_robots.schema.kinds import TopicModel
 
 
 class Topic(Enum):
@@ -29,6 +30,15 @@ class Message(NamedTuple):
     stamp: float
 
 
+class FieldMessage(NamedTuple):
+    """A message of a topic of its own: the texts of its fields, by their names."""
+
+    at: float
+    robot: str
+    topic: TopicModel
+    fields: tuple[tuple[str, str], ...]
+
+
 class Presence(NamedTuple):
     """A robot enters the ROS graph (``present``) or leaves it."""
 
@@ -44,4 +54,4 @@ class Note(NamedTuple):
     text: str
 
 
-Output = Message | Presence | Note
+Output = Message | FieldMessage | Presence | Note

@@ -67,4 +67,5 @@ def test_from_a_checkout_to_the_mail_and_back(tmp_path: Path):
         text = mail.get_body(("plain",)).get_content()
         runbook = next(line for line in text.splitlines() if line.startswith("Runbook:"))
         page = person.does(f"curl --fail --silent {shlex.quote(runbook.split()[1])}")
-        assert "RosDiagnosticsComponentCritical" in page
+        assert "<h1>RosDiagnosticsComponentCritical</h1>" in page
+        assert "ros-diagnostics why robot_3" in page

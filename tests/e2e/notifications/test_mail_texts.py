@@ -173,8 +173,8 @@ def test_a_mail_about_a_fault(received: Sent, name: str):
         assert f"  {line}\n" in mail.text or not line
     assert texts.get("description", "") in mail.text
     assert re.search(r"^First step: .*\.$", mail.text, re.MULTILINE)
-    [runbook] = re.findall(r"^Runbook: .*/(.*)$", mail.text, re.MULTILINE)
-    assert (CHECKOUT / "docs" / "alerts" / runbook).exists()
+    [runbook] = re.findall(r"^Runbook: .*/(\w+)\.html", mail.text, re.MULTILINE)
+    assert (CHECKOUT / "docs" / "alerts" / f"{runbook}.md").exists()
     assert "Unacknowledged" not in runbook
     assert "http://alertmanager.example.org:9093/#/silences/new?" in mail.text
     assert "ashboard" not in mail.text + mail.html
@@ -237,7 +237,8 @@ def test_what_the_robot_can_no_longer_do_is_in_the_first_line_and_in_the_text_me
     mail = received.problems[name]
     assert mail.text.splitlines()[0].endswith(f"Act now. The r{work}")
     assert mail.text.count("work: ") == mail.html.count("work: ") == 0
-    assert "What was known then:\n  over current\n  values: Current: 12.5 A\n" in mail.text
+    details = "Details at the time of the alert:\n  over current\n  values: Current: 12.5 A\n"
+    assert details in mail.text
     assert f" is CRITICAL. R{work} over current; values" in received.texts[name]
 
 

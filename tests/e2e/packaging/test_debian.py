@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -147,21 +146,11 @@ def test_nothing_that_is_not_committed_is_in_it(debian_package: Path, tmp_path: 
     share = tmp_path / "usr" / "share" / NAME
     packed = {path.relative_to(share).as_posix() for path in share.rglob("*") if path.is_file()}
 
-    listed = ["git", "ls-files", "prometheus", "alertmanager", "grafana", "docs/alerts"]
+    listed = ["git", "ls-files", "prometheus", "alertmanager", "grafana"]
     tracked = subprocess.run(listed, cwd=CHECKOUT, capture_output=True, text=True, check=True)
     assert packed
     assert packed <= set(tracked.stdout.split())
     assert not [each for each in packed if debian.PRIVATE in (share / each).read_text()]
-
-
-def test_a_runbook_is_where_the_link_of_a_mail_leads(debian_package: Path):
-    listed = debian.output(["dpkg-deb", "--contents", debian_package], 60)
-    template = (CHECKOUT / "alertmanager" / "templates" / "site.tmpl").read_text()
-    (folder,) = re.findall(r'"site.runbooks_url" }}\S*/user/(\w+)', template)
-    (flag,) = re.findall(r"--web.user-assets=([^\s`]+)", (CHECKOUT / PAGE).read_text())
-
-    for alert in (CHECKOUT / "docs" / "alerts").glob("*.md"):
-        assert f"{flag}/{folder}/{alert.name}\n" in listed
 
 
 @pytest.mark.skipif(shutil.which("lintian") is None, reason="not installed: lintian")

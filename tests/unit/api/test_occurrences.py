@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.api.story import occurrences
+from ros_diagnostics_exporter.api.occurrences import history, occurrences
+from ros_diagnostics_exporter.events import Event, EventLog, Wanted
+from ros_diagnostics_exporter.faults.model import fault_of
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "robot": "r"}
 
@@ -46,3 +50,38 @@ def test_the_last_one_is_the_first_and_one_whose_begin_was_forgotten_has_its_end
 
     assert [each["since"] for each in found] == [200.0, 100.0]
     assert (found[1]["confirmed"], found[1]["until"], found[1]["evidence"]) == (None, 130.0, "")
+
+
+@pytest.fixture
+def find():
+    """A function that looks up events; those of a log of two robots of which one fails twice."""
+    log = EventLog()
+    of = {"group": "/Motor", "component": "Motor 2"}
+    named = {"scope": "component", "state": "critical", "severity": "critical", **of}
+    for time, kind, robot_name, more in (
+        (90.0, "level", "r", of | {"before": "OK", "after": "WARN"}),
+        (110.0, "fault_began", "r", named | {"since": 100.0}),
+        (112.0, "notified", "r", named | {"since": 100.0, "receiver": "email", "after": "firing"}),
+        (120.0, "acknowledged", "r", named | {"since": 100.0, "author": "ann"}),
+        (210.0, "fault_began", "other", named | {"since": 200.0}),
+        (300.0, "fault_ended", "r", named | {"since": 100.0, "reason": "recovered"}),
+        (410.0, "fault_began", "r", named | {"since": 400.0}),
+        (500.0, "robot", "r", {"after": "silent"}),
+    ):
+        event = Event(time, kind, robot_name, **more)
+        if event.since is not None:
+            event = replace(event, fault=fault_of("f", "x", asdict(event)))
+        log.record(event)
+    return lambda **wanted: list(log.find(Wanted(**wanted)))
+
+
+def test_the_history_of_a_fault_is_of_its_id(find):
+    last, first = history(find, fault_of("f", "x", find(kind="fault_began", robot="r", limit=1)[0]))
+
+    assert (last["since"], last["until"]) == (400.0, None)
+    assert (first["since"], first["until"], first["reason"]) == (100.0, 300.0, "recovered")
+    assert [each["author"] for each in first["acknowledged"]] == ["ann"]
+    assert [each["receiver"] for each in first["notified"]] == ["email"]
+    assert history(find, "0123456789ab") == []
+    (only,) = history(find, find(robot="other")[0]["fault"])
+    assert (only["since"], only["until"]) == (200.0, None)

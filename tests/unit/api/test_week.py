@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api import week as report
-from ros_diagnostics_exporter.api.story import KINDS, WEEK, occurrences
+from ros_diagnostics_exporter.api.occurrences import KINDS, WEEK, occurrences
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from support.web_server import occurrence
 

@@ -61,7 +61,6 @@ def test_retention_is_a_duration_and_a_size():
             ["http://ann:secret@a:9093", "ann:secret@a:9093", "http://ann:secret@"],
             "--alertmanager.password-file",
         ),
-        ("web.runbooks-url", ["http://ann:secret@w"], "everybody sees the pages' links"),
         ("alertmanager.user", ["ann"], "--alertmanager.password-file"),
         ("storage.path", [""], "'' is no file; none keeps nothing"),
         ("storage.retention.time", ["90"], "'90' is not a duration such as 90d"),

@@ -45,12 +45,12 @@ def test_every_key_of_the_section_is_applied(fleet_of):
     )
     described = describe(fleet).partition("faults (10):\n")[2].splitlines()
     assert described == [
-        "  no fault for want of data within 1m after a start",
-        "  declared robots that were never received after 1h",
+        "  after a start, missing data is no fault for 1m",
+        "  robots that are never received: after 1h",
         "  flapping from 0.5 until below 0.3",
         "  intermittent from 6 changes in 20m",
         "  values too low within 1h, by the last 5m",
-        "  values come back by 0.05 of their threshold",
+        "  values have to come back by 5 % of their threshold",
         "  many components of a robot: 3 and 0.4 of all, or 9",
         "  silent robots of a site: 24 and 0.6 of all, or 24, confirmed after 20s",
         "  robots with the same component CRITICAL: 6 and 0.2 of all, or 30, confirmed after 20s",

@@ -60,6 +60,17 @@ WHOLE = {
     "ValueRule": lambda entry: default(
         values=[{**({"thresholds": {}} if {"when", "unless"} & {*entry} else {}), **entry}]
     ),
+    "TopicEntry": lambda entry: default(
+        topics=[
+            {
+                "topic": "t",
+                "component": "c",
+                **needed(entry, {"field": "data"}, "field", "fields"),
+                **({"field": "data"} if {"levels", "error_when"} & {*entry} else {}),
+                **entry,
+            }
+        ]
+    ),
     "Capability": lambda entry: default(
         capabilities={
             "front view": ["Camera"],

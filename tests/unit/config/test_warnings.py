@@ -53,6 +53,19 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
             ],
         ),
         (
+            """robots: [{name: a, profile: host, source: queries}, {name: b}]
+shared: [{topic: /diagnostics_agg, domain_id: 3, profile: host}]
+profiles:
+  host: {topics: [{topic: load, component: Load, field: data}]}
+  default: {topics: [{topic: e_stop, component: E-stop, field: data}]}""",
+            [
+                (
+                    "5: profiles.host.topics: no robot of this profile has a namespace in ROS, so "
+                    "no topic is read; give a robot with source queries its domain_id, or remove"
+                )
+            ],
+        ),
+        (
             """robots: [{name: a}]
 profiles:
   default:

@@ -233,5 +233,5 @@ def test_the_fields_are_bounded_whatever_a_robot_sends():
     assert len(text) < 15_000
     assert fault.details["more_values"] == 95
     assert "\\u001b" not in text
-    assert len(fault.evidence) <= 512
+    assert len(fault.evidence) <= 640
     assert all(each.isprintable() for each in fault.evidence.split("\n"))

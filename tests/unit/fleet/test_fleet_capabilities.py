@@ -262,4 +262,4 @@ def test_the_command_names_the_robots_that_would_lose_it(hall, serve, capsys):
         "LOST lifting of r2",
     ]
     assert "lifting of r3 lifting at hall" in lines
-    assert lines[-2:] == ["Single points of failure:", "none"]
+    assert lines[-2:] == ["Single points of failure:", "nothing more is lost"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,12 +13,10 @@ from ros_diagnostics_exporter.config.fleet import (
     Profile,
     Robot,
     Source,
-    Threshold,
-    ValueRule,
 )
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.model import Endpoint, Status
-from ros_diagnostics_exporter.sources.graph_messages import Battery, Log, Transition
+from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, StateDriver
@@ -238,51 +235,16 @@ def test_what_the_config_ignores_is_no_fault_any_more_also_of_a_robot_that_is_of
     assert [(each.component, each.reason) for each in ends] == [("node amcl", "removed")]
 
 
-@pytest.mark.parametrize("mode", ["on", "auto"])
-def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restart(
-    tmp_path: Path, mode: str
-):
-    rule = ValueRule(thresholds=(Threshold("low", "critical", 15.0),))
-    site = fleet(mode=mode, watch=Watched(batteries=True))
-    profile = replace(site.robots[0].profile, values=(rule,))
-    site = replace(site, robots=(replace(site.robots[0], profile=profile),))
-    driver = Driver(fleet=site)
-
-    def send(to: Driver, percentage: str) -> None:
-        battery = Battery("discharging", "good", (("percentage", percentage),))
-        to.state.receive_watched(0, "/r/battery_state", battery, to.now)
-
-    driver.go_on(5, *USUAL)
-    send(driver, "63 %")
-    driver.go_on(5, *USUAL)
-    assert driver.sample("component_value", key="percentage", unit="%") == 63
-    send(driver, "12 %")
-    driver.go_on(45, *USUAL)
-    send(driver, "12 %")
-    driver.go_on(15, *USUAL)
-    assert driver.faults() == [("battery_state", "critical")]
-    assert driver.component("battery_state").suppressed_because == ""
-    again = restarted(driver, site, tmp_path / "state.db", 10)
-    again.go_on(400, *USUAL)
-    assert (again.level("battery_state"), ended(again)) == (STALE, [])
-    assert again.faults() == [("battery_state", "critical")]
-    send(again, "80 %")
-    again.go_on(20, *USUAL)
-    assert (again.faults(), ended(again)) == ([], ["battery_state"])
-
-
 @pytest.mark.parametrize("mode", ["auto", "shadow"])
 def test_what_the_config_asks_for_is_a_fault_of_a_shadow_too(mode):
-    watch = Watched(logs=True, log_faults=WATCHED.log_faults, batteries=True, transitions=True)
+    watch = Watched(logs=True, log_faults=WATCHED.log_faults, transitions=True)
     driver = Driver(fleet=fleet(mode=mode, watch=watch))
     driver.go_on(70, *USUAL)
     driver.state.receive_watched(0, "/rosout", Log("r.diag", "out of memory"), driver.now)
     fell = Transition("errorprocessing", "finalized")
     driver.state.receive_watched(0, "/r/diag/transition_event", fell, driver.now)
-    battery = Battery("discharging", "overheat", ())
-    driver.state.receive_watched(0, "/r/front/battery_state", battery, driver.now)
     driver.go_on(40, "diag")
-    found = ["front/battery_state", "lifecycle diag", "log diag"]
+    found = ["lifecycle diag", "log diag"]
     assert sorted(driver.faults()) == [(each, "critical") for each in found]
     shown = {each.name: each.suppressed_because for each in driver.robot.components}
     shadow = {"node amcl": "shadow mode (graph in fleet.yml)"}

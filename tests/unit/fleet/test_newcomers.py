@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits
+from ros_diagnostics_exporter.fleet import registry
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, StateDriver
 
@@ -23,9 +24,9 @@ def topic(name: str) -> Topic:
 class Playing:
     """Five true robots, and what else is there at a second."""
 
-    def __init__(self, fleet: Fleet = FLEET) -> None:
+    def __init__(self, fleet: Fleet = FLEET, seconds: int = 125) -> None:
         self.driver = StateDriver(fleet=fleet)
-        self.play(0, 125)
+        self.play(0, seconds)
 
     def play(
         self, begin: int, end: int, *names: str, level: int = OK, publishing: tuple[str, ...] = ()
@@ -62,6 +63,29 @@ def test_seven_invented_robots_a_second_do_not_become_a_fleet():
     assert playing.faults() == []
 
 
+def test_robots_that_are_invented_right_after_the_start_are_limited_once_many_are_gone():
+    playing = Playing(seconds=5)
+    for second in range(5, 305):
+        playing.play(second, second + 1, *(f"x{second}_{n}" for n in range(7)))
+
+    assert len(playing.invented()) <= 100 + 7 * 12 + 100 * 300 // 600
+    assert all(playing.driver.state.robots[name].up for name in TRUE)
+    playing.play(305, 305 + 620)
+    assert playing.invented() == []
+    assert playing.faults() == []
+
+
+def test_robots_of_an_earlier_process_that_are_off_do_not_end_the_start(tmp_path):
+    playing = Playing(replace(FLEET, limits=Limits(new_robots=2)))
+    playing.play(125, 195, "a", "b")
+    playing.play(500, 570, "c")
+    playing.driver = playing.driver.again(tmp_path / "db")
+    playing.play(0, 60)
+    assert not playing.driver.state.robots["a"].up
+    playing.play(60, 65, *(f"new_{number}" for number in range(10)))
+    assert len(playing.invented()) == 13
+
+
 def test_a_fleet_that_is_found_at_the_start_is_not_limited():
     driver = StateDriver(fleet=FLEET)
     found = {topic(f"r{number}").name: Endpoint(1) for number in range(1_000)}
@@ -76,6 +100,28 @@ def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
     assert len(playing.invented()) == 2
     playing.play(126, 126 + 310, *names)
     assert sorted(playing.invented()) == ["a", "b", "c"]
+
+
+def test_a_look_at_the_graph_ends_where_very_many_are_rejected(monkeypatch):
+    monkeypatch.setattr(registry, "MAX_REJECTED", 100)
+    driver = StateDriver(fleet=replace(FLEET, limits=Limits(robots=50)))
+    offered = {topic(f"x{number}").name: Endpoint(1) for number in range(5_000)}
+    driver.state.update_graph(0, offered, driver.now)
+    assert len(driver.state.robots) == 50
+    assert driver.state.rejected["robot_limit"] == 100
+
+
+def test_newcomers_may_have_half_of_the_series_and_leave_the_others_to_those_that_are_known():
+    playing = Playing(replace(FLEET, limits=Limits(series=1_000)))
+    playing.play(125, 140, *(f"x{n}" for n in range(40)))
+    assert len(playing.invented()) <= 20
+    assert playing.driver.state.rejected["series_limit"] > 0
+    many = tuple(Status(OK, f"Part {number}") for number in range(50))
+    array = Array(playing.driver.now.wall, many)
+    playing.driver.state.receive(topic(TRUE[0]), array, playing.driver.now)
+    assert not any(playing.driver.state.robots[TRUE[0]].rejected.values())
+    playing.play(140, 140 + 620)
+    assert playing.invented() == []
 
 
 @pytest.mark.parametrize(("seconds", "level"), [(70, OK), (30, ERROR)])

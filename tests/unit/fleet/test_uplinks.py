@@ -111,6 +111,17 @@ def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_non
     assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
 
 
+def test_the_fault_of_an_uplink_names_the_robots_behind_it(driver):
+    fail(driver, "ap")
+    driver.pass_to(600)
+
+    (fault,) = driver.state.faults()
+    behind = [name for name in ALL if name != "ap"]
+    assert fault.details["behind"] == behind[:5]
+    assert f"robots behind it: {', '.join(behind[:5])}" in fault.evidence
+    assert "values" not in fault.evidence
+
+
 def test_what_is_still_silent_when_the_uplink_is_back_begins_after_the_others_had_time(driver):
     fail(driver, "ap")
     driver.pass_to(600)

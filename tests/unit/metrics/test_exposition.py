@@ -593,7 +593,7 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
     kinds = ("capability", "check", "component", "condition", "discovery", "maintenance", "shared")
     times = (2.5, 5.0, 7.5, 10.0, 12.0, 15.0, 20.0, 30.0, 60.0, "+Inf")
     assert found == {
-        "exporter_config_unmatched": dict.fromkeys((*kinds, "value"), 0),
+        "exporter_config_unmatched": dict.fromkeys((*kinds, "topic", "value"), 0),
         "exporter_rejected_total": dict.fromkeys(get_args(FleetRejectionReason), 0),
         "canary_notification_seconds_bucket": dict.fromkeys(map(str, times), 0),
         "canary_notification_seconds_count": {"": 0},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from itertools import starmap
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -12,6 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
+from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Stream, Topic
@@ -68,8 +70,8 @@ def transition():
 class Site:
     """Two robots of one domain, of which the first is watched; a message of each every second."""
 
-    def __init__(self, folder, watch):
-        profile = Profile(graph=Graph(mode="on", watch=watch))
+    def __init__(self, folder, watch, *topics):
+        profile = Profile(graph=Graph(mode="on", watch=watch), topics=topics)
         robots = [
             Robot("r", topic_raw="/r/diagnostics", namespace="/r", profile=profile),
             Robot("s", topic_raw="/s/diagnostics", namespace="/s"),
@@ -77,7 +79,9 @@ class Site:
         config = folder / "fleet.yml"
         config.write_text("fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n")
         self.state = FleetState(Fleet("f", tuple(robots)), at(0))
-        self.recordings = FaultRecordings(folder / "kept", config, self.state.topics_of)
+        self.recordings = FaultRecordings(
+            folder / "kept", config, self.state.topics_of, definition=self.state.definition
+        )
         self.state.recorder = self.recordings.rings.receive
         self.state.update_nodes(0, [("amcl", "/r"), ("amcl", "/s")], at(0))
 
@@ -113,6 +117,25 @@ def beside(content):
         for schema, channel, message in found
         if not channel.topic.endswith("diagnostics")
     ]
+
+
+def test_a_topic_of_which_fields_are_read_is_in_it_with_its_type(tmp_path):
+    topic, kind = "/r/joint_states", "sensor_msgs/msg/JointState"
+    entry = TopicEntry(topic="joint_states", component="Arm", fields={"effort[name]": "Effort"})
+    site = Site(tmp_path, Watched(), entry)
+    header = JAZZY.types["std_msgs/msg/Header"](stamp=stamp(), frame_id="")
+    fields = {"position": np.zeros(0), "velocity": np.zeros(0), "effort": np.array([1.5])}
+    message = JAZZY.types[kind](header=header, name=["elbow"], **fields)
+    data = bytes(JAZZY.serialize_cdr(message, kind))
+    site.diagnose(range(80))
+    site.state.receive_fields(0, topic, kind, data, at(80))
+    site.diagnose(range(81, 111))
+    content = site.recording()
+
+    assert beside(content) == [(topic, kind, 80, data)]
+    reader = make_reader(io.BytesIO(content), decoder_factories=[DecoderFactory()])
+    (found,) = reader.iter_decoded_messages(topics=[topic])
+    assert found.decoded_message.effort == [1.5]
 
 
 def test_what_the_nodes_of_its_robot_say_is_in_it_byte_for_byte_with_its_type(site):

@@ -186,7 +186,7 @@ def test_mail_has_fault_evidence_links_and_commands(render, part):
         "The robot cannot drive; values: none.",
         "What it means.",
         "hall",
-        "http://localhost:9090/user/alerts/RosDiagnosticsComponentCritical.md",
+        "http://localhost:9877/runbooks/RosDiagnosticsComponentCritical.html?robot=r1",
         "http://alertmanager:9093/#/silences/new?filter=%7Bcomponent%3D",
         "alertname%3D%22RosDiagnosticsComponentCritical%22%7D",
         "component%3D%22Motor%201%22",
@@ -404,7 +404,7 @@ def test_what_is_no_longer_lost_and_has_no_reserve_is_one_mail(render):
         assert lead in mail
         assert "evidence of no_reserve" in mail
         assert "evidence of lost" not in mail
-        assert "RosDiagnosticsCapabilityNoReserve.md" in mail
+        assert "RosDiagnosticsCapabilityNoReserve.html?robot=r1" in mail
         assert "-- 'r1' 'front view'" in html.unescape(mail)
         link = unquote(re.findall(r"silences/new\?filter=([^\s\"]*)", html.unescape(mail))[0])
         assert link.endswith('alertname=~"RosDiagnosticsCapability.+"}')
@@ -488,7 +488,7 @@ def test_a_mail_links_the_exporters_page_of_its_fault_as_the_sites_file_shows(re
             render(template, data("firing", own), templates),
             render(template, data("firing", labels)),
         ):
-            assert "9877" not in given
+            assert "9877/faults" not in given
 
 
 def test_all_mails_about_one_component_are_one_thread(render):
@@ -498,7 +498,39 @@ def test_all_mails_about_one_component_are_one_thread(render):
         for name in ("RosDiagnosticsComponentWarning", "RosDiagnosticsComponentCritical")
     }
 
-    assert threads == {"<f.r1.Motor-1@ros-diagnostics>"}
+    assert threads == {"<f.r1.Motor+1@ros-diagnostics>"}
+
+
+def test_the_mail_about_an_uplink_says_what_to_check(render, part):
+    labels = {**CRITICAL, "fault": "f0", "robot": "ap-1", "component": "uplink"}
+    evidence = "it does not answer;\nrobots behind it: robot_3, robot_4"
+    mail = render(f"email.{part}", data("firing", labels, evidence=evidence))
+
+    assert "robots behind it: robot_3, robot_4" in mail
+    assert "Robots behind it cannot be reached, and cause no mails of their own." in mail
+    assert "Check the power and the cable of the access point or router." in mail
+
+
+def test_the_mail_of_a_test_says_that_it_is_one(render, part):
+    labels = {**CRITICAL, "alertname": "RosDiagnosticsTest"}
+    firing, over = data("firing", labels), data("resolved", labels)
+    assert render("email.subject", firing) == "** TEST ** f/r1: this is only a test"
+    assert render("email.subject", over) == "** TEST ** f/r1: the test has ended"
+    assert "Nothing is wrong." in render(f"email.{part}", firing)
+    assert "The test of the notifications about r1 has ended." in render(f"email.{part}", over)
+
+
+def test_names_of_any_script_have_threads_of_their_own(render):
+    names = ("电机 1", "电机 2", "Двигатель 1", "Motor <1>", "Motor 1")
+    threads = [
+        render("email.thread", data("firing", {**CRITICAL, "component": name})) for name in names
+    ]
+
+    assert len(set(threads)) == len(names)
+    for thread in threads:
+        assert re.fullmatch(r"<[A-Za-z0-9.%+_-]+@ros-diagnostics>", thread)
+    long = {**CRITICAL, "robot": "机" * 128, "component": "x" * 300}
+    assert len(render("email.thread", data("firing", long))) < 960
 
 
 DURATIONS = [

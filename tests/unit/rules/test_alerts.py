@@ -22,8 +22,9 @@ from support.shipped_rules import (
 )
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
-HEADINGS = ["Meaning", "First step", "If that does not help", "Who", "Tuning"]
+HEADINGS = ["Meaning", "Impact", "Do this now", "If that does not help", "Prevent"]
 SCREEN = 50  # lines
+OF_PARTS = "RosDiagnosticsExporterFault"
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text()
 SEVERITIES = {"critical", "warning", "info"}
 ESCALATION = {"RosDiagnosticsUnacknowledged"}
@@ -53,11 +54,28 @@ def test_runbook_is_one_screen_with_all_headings(name: str):
     assert text.count("\n") <= SCREEN
 
 
+def test_the_runbook_of_the_exporter_has_the_first_step_of_each_part_word_for_word():
+    rows = re.findall(r"^\| (`.*?) \| .* \| (.*) \|$", PAGES[OF_PARTS].read_text(), re.MULTILINE)
+    words = (ROOT / "alertmanager" / "templates" / "words.tmpl").read_text()
+
+    assert len(rows) == 11
+    assert not [part for part, step in rows if f"}}}}{step}\n" not in words]
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_a_runbook_is_a_list_of_numbered_steps(name: str):
+    section = PAGES[name].read_text().partition("## Do this now\n\n")[2].partition("\n## ")[0]
+    steps = re.findall(r"^(\d)\. ", section, re.MULTILINE)
+
+    assert steps == [str(number) for number in range(1, len(steps) + 1)]
+    assert all(line.startswith((" ", *steps)) for line in section.splitlines() if line)
+
+
 def test_promtool_accepts_the_queries_of_the_runbooks(tmp_path: Path):
     lines = [
-        line
+        line.strip()
         for page in PAGES.values()
-        for block in re.findall(r"```promql\n(.*?)```", page.read_text(), re.DOTALL)
+        for block in re.findall(r"```promql\n(.*?)\n *```", page.read_text(), re.DOTALL)
         for line in block.splitlines()
     ]
     checked = tmp_path / "queries.yml"

@@ -46,7 +46,7 @@ def has_alerts(group: dict[str, Any]) -> bool:
 def test_alerts_and_rules_are_the_shipped_groups_in_their_order(evaluate, tmp_path: Path):
     found = evaluate("{alerts: mixin.prometheusAlerts, rules: mixin.prometheusRules}")
 
-    groups = shipped("http://localhost:9090/user/alerts/%s.md", servers=False)
+    groups = shipped("http://localhost:9877/runbooks/%s.html", servers=False)
     assert found["alerts"]["groups"] == [each for each in groups if has_alerts(each)]
     assert found["rules"]["groups"] == [each for each in groups if not has_alerts(each)]
     assert found["rules"]["groups"]

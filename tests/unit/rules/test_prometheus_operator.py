@@ -24,7 +24,7 @@ def with_runbooks(content: dict[str, Any], url: str) -> dict[str, Any]:
     copy: dict[str, Any] = json.loads(json.dumps(content))
     for rule in (rule for group in copy["groups"] for rule in group["rules"]):
         if "alert" in rule:
-            rule.setdefault("annotations", {})["runbook_url"] = f"{url}/{rule['alert']}.md"
+            rule.setdefault("annotations", {})["runbook_url"] = f"{url}/{rule['alert']}.html"
     return copy
 
 
@@ -55,7 +55,7 @@ def test_runbooks_are_by_default_where_the_mails_link_to(capsys):
         for rule in group["rules"]
         if "alert" in rule
     ]
-    assert alerts == [(name, f"{url}/{name}.md") for name, _ in alerts]
+    assert alerts == [(name, f"{url}/{name}.html") for name, _ in alerts]
 
 
 def test_rules_about_the_servers_are_left_out(capsys):

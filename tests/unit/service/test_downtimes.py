@@ -170,7 +170,7 @@ def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
         (["", "1h", "--comment", "x"], "a name has 1 to 1024 characters"),
         (["robot_1", "1h", "--comment", "x", "--from", "soon"], "'soon' is no time"),
         (["robot_1", "1h", "--comment", "x", "--from", "2020-01-01"], "has passed"),
-        (["--cancel"], "give ROBOT [COMPONENT]"),
+        (["--cancel"], "missing ROBOT"),
         (["--site", "hall", "robot_1", "1h", "--comment", "x"], "stand for ROBOT"),
         (["--selector", "hall", "1h", "--comment", "x"], "'hall' is not LABEL=VALUE"),
         (["--list", "robot_1"], "--list takes no ROBOT"),

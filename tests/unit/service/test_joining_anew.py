@@ -1,17 +1,21 @@
-"""Which domains are joined anew: other addresses, or all robots silent at once."""
+"""Which domains are joined anew: other addresses, all robots silent, or deaf to one of them."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter import comparing
+from ros_diagnostics_exporter.comparing import CONFIRM, LONGEST
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.joining import LEAST, Joining
 from ros_diagnostics_exporter.model import Array, Status, Topic
 from ros_diagnostics_exporter.sources.listener import Listener
 from support.state_driver import StateDriver
+from testbed.polling import until
 
 OK = Status(0, "Motor", "OK")
 
@@ -22,15 +26,23 @@ def driver_of(*names: str) -> StateDriver:
 
 
 class Playing:
-    """A joining whose listener has joined domain 7 at 1."""
+    """A joining whose listener has joined domain 7 at 1.
+
+    A second participant receives ``heard`` within a second. ``seconds`` has when one began.
+    """
 
     def __init__(self, driver: StateDriver, monkeypatch: pytest.MonkeyPatch) -> None:
         self.left: list[Any] = []
+        self.heard: set[str] = set()
+        self.received: set[str] = set()  # by this process, but nothing that makes a robot up
+        self.seconds: list[float] = []
         self.outdated: list[int] = []
         self.followed = 0
         self.driver = driver
         listener: Any = SimpleNamespace(
-            joined_at={7: 1.0},
+            joined_at=(joined_at := {7: 1.0}),
+            received_since=lambda _domain, _topics, _mono: self.received,
+            ros_arguments=(),
             domain_ids=(7,),
             joining=(),
             find_outdated=lambda: self.outdated,
@@ -38,7 +50,15 @@ class Playing:
             follow=self.follow,
         )
         monkeypatch.setattr("ros_diagnostics_exporter.joining.read_clocks", lambda: driver.now)
+        monkeypatch.setattr(comparing, "Second", self.listen)
+        self.joined_at = joined_at
         self.joining = Joining(driver.state, listener, [listener])
+
+    def listen(self, domain: int, topics: set[str], _arguments: object) -> Any:
+        assert domain == 7
+        self.seconds.append(self.driver.now.mono)
+        heard = set(topics) & self.heard
+        return SimpleNamespace(began=self.driver.now.mono, listens=False, stop=lambda: heard)
 
     def follow(self, _fleet: Fleet) -> None:
         self.followed += 1
@@ -68,6 +88,108 @@ def test_one_silent_robot_is_no_reason(monkeypatch, names, later):
     playing.until(LEAST + 10, *names)
     playing.until(LEAST + 60, *later)
     assert playing.left == []
+
+
+A, B = "/a/diagnostics", "/b/diagnostics"
+
+
+def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it(monkeypatch):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.until(LEAST + 10, "a", "b")
+    playing.heard = {A}
+    playing.until(LEAST + 20 + 3 + CONFIRM, "b")
+    assert playing.left == [7]
+    assert playing.followed == 1
+    first, again = playing.seconds
+    assert again - first == CONFIRM
+    events = [each.message for each in playing.driver.events if each.kind == "config"]
+    why = f"another process receives {A}, and this one does not"
+    assert events == [f"domain 7: {why}", f"domain 7: it is joined anew: {why}"]
+    playing.joined_at[7] = playing.driver.now.mono
+    playing.until(LEAST + 60, "a", "b")
+    assert not [each for each in playing.driver.events if each.kind == "fault_began"]
+    assert playing.left == [7]
+
+
+def test_a_topic_of_which_this_process_receives_bytes_is_no_reason(monkeypatch):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.heard = playing.received = {A}  # and all of it is undecodable
+    playing.until(LEAST + 60, "b")
+    assert playing.seconds
+    assert playing.left == []
+
+
+def test_nothing_is_compared_while_no_robot_is_silent(monkeypatch):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.until(600, "a", "b")
+    assert playing.seconds == []
+
+
+def test_a_robot_that_is_off_is_compared_ever_less_often_and_another_one_soon(monkeypatch):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.until(4 * LONGEST, "b")
+    rests = [later - before for before, later in pairwise(playing.seconds)]
+    assert rests[:3] == [120, 240, 480]
+    assert rests[-2:] == [LONGEST, LONGEST]
+    before = len(playing.seconds)
+    playing.until(4 * LONGEST + 20)
+    assert len(playing.seconds) == before + 1
+
+
+def test_what_is_missed_once_is_a_silence_again(monkeypatch):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.until(LEAST + 10, "a", "b")
+    playing.heard = {A}
+    playing.until(LEAST + 22, "b")
+    assert playing.driver.state.robots["a"].silent_reason == "domain_unreachable"
+    assert playing.driver.state.robots["b"].network.domain_up  # its faults go on
+    playing.heard = set()
+    playing.until(LEAST + 60, "b")
+    assert playing.left == []
+    assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
+    assert [each.robot for each in playing.driver.events if each.kind == "fault_began"] == ["a"]
+
+
+def test_a_second_process_that_cannot_be_started_keeps_no_domain_from_being_joined(
+    monkeypatch, caplog
+):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+
+    def fail(*_arguments: object) -> None:
+        raise OSError("no memory")
+
+    monkeypatch.setattr(comparing, "Second", fail)
+    playing.outdated = [7]
+    playing.until(LEAST + 2, "b")
+    assert 7 in playing.left
+    assert caplog.messages.count("domain 7: no second participant was started: no memory") == 1
+
+
+@pytest.mark.parametrize(
+    ("program", "says"), [("nothing.that.is.there", "failed (exit code 1)"), ("timeit", "")]
+)
+def test_a_process_that_fails_or_hangs_is_ended_and_has_received_nothing(
+    monkeypatch, caplog, program, says
+):
+    monkeypatch.setattr(comparing, "PROGRAM", program)
+    monkeypatch.setattr(comparing, "ENDED", 1.0)
+    second = comparing.Second(7, ["while True: pass"], ())  # what timeit measures
+    until(lambda: not second.listens, "it is over")
+    assert second.stop() == set()
+    assert says in caplog.text
+
+
+@pytest.mark.parametrize("joined", [{}, {7: 1000.0}])
+def test_what_is_compared_while_the_domain_is_left_says_nothing(monkeypatch, joined):
+    playing = Playing(driver_of("a", "b"), monkeypatch)
+    playing.until(LEAST + 10, "b")
+    playing.heard = {A}
+    assert len(playing.seconds) == 1
+    playing.joined_at.clear()
+    playing.joined_at.update(joined)
+    playing.until(LEAST + 60, "b")
+    assert playing.left == []
+    assert not [each for each in playing.driver.events if each.kind == "config"]
 
 
 def test_other_addresses_are_and_the_robots_silence_is_none_of_theirs(monkeypatch):

@@ -10,16 +10,17 @@ import pytest
 from support.simulated_fleet import fleet_of, level_of, of
 from virtual_robots.model import ERROR, OK, STALE, WARN
 from virtual_robots.schema.documents import DocumentError
-from virtual_robots.schema.kinds import ComponentModel
+from virtual_robots.schema.kinds import ComponentModel, KindModel
 from virtual_robots.simulation.components import Component, Fault
 from virtual_robots.simulation.kinds import build_components, kind_path, known_kinds, load_kind
-from virtual_robots.simulation.outputs import Topic
+from virtual_robots.simulation.outputs import FieldMessage, Topic
 
 EACH_FAULT = [
     (kind, component.name, fault)
     for kind in known_kinds()
     for component in build_components(load_kind(kind_path(kind)), "")
     for fault in component.model.faults
+    if component.model.publishes is None
 ]
 # A battery is charged again for hours: one of them is enough for each day.
 LONG = [each for each in EACH_FAULT if each[2] == "draining"][1:]
@@ -50,6 +51,61 @@ def test_each_fault_of_a_kind_begins_takes_its_course_and_ends(kind, name, fault
     assert level_of(before, name) == OK
     assert level_of(faulty, name) in {WARN, ERROR}
     assert level_of(after, name) == OK
+
+
+def fields_of(fleet, until: float) -> dict[str, list[dict[str, str]]]:
+    """The fields of the messages of each topic of its own."""
+    found: dict[str, list[dict[str, str]]] = {}
+    for each in fleet.advance(until):
+        if isinstance(each, FieldMessage):
+            found.setdefault(each.topic.topic, []).append(dict(each.fields))
+    return found
+
+
+def test_an_arm_without_diagnostics_publishes_its_topics_and_no_arrays():
+    fleet = fleet_of("arm")
+    outputs = list(fleet.advance(10.0))
+    assert {type(each) for each in outputs} == {FieldMessage}
+    fleet.inject("robot_1", "E-stop", Fault("pressed", fleet.now))
+    found = fields_of(fleet, 20.0)
+    assert [float(each["data"]) for each in found["e_stop"]] == [1]  # on a change
+    assert len(found["controller/temperature"]) == 10
+    fleet.inject("robot_1", "E-stop", None)
+    fleet.inject("robot_1", "Mode", Fault("manual", fleet.now))
+    found = fields_of(fleet, 30.0)
+    assert ([float(each["data"]) for each in found["e_stop"]], found["mode"]) == (
+        [0],
+        [{"data": "manual"}],
+    )
+
+
+def test_an_amr_without_diagnostics_drains_its_battery_and_is_charged():
+    fleet = fleet_of("amr")
+    before = fields_of(fleet, 5.0)["battery_state"][-1]
+    fleet.inject("robot_1", "Battery", Fault("draining", fleet.now))
+    drained = fields_of(fleet, 130.0)["battery_state"][-1]
+    assert (float(before["percentage"]) > 0.5, float(drained["percentage"]) < 0.1) == (True, True)
+    assert (before["power_supply_status"], drained["power_supply_status"]) == ("2", "1")
+
+
+def test_a_silent_component_of_its_own_topic_publishes_nothing():
+    fleet = fleet_of("arm")
+    list(fleet.advance(3.0))
+    fleet.inject("robot_1", "Controller", Fault("silent", fleet.now))
+    assert fields_of(fleet, 10.0) == {}
+
+
+@pytest.mark.parametrize(
+    ("analyzers", "publishes", "what"),
+    [
+        ("a.yaml", {"topic": "x", "type": "std_msgs/msg/Bool", "fields": {}}, "no diagnostics"),
+        (None, None, "needs analyzers"),
+    ],
+)
+def test_a_kind_has_analyzers_where_it_has_diagnostics(analyzers, publishes, what):
+    components = [{"name": "C", "publishes": publishes}]
+    with pytest.raises(ValueError, match=what):
+        KindModel.model_validate({"components": components, "analyzers": analyzers})
 
 
 def test_an_overheating_motor_warns_before_it_fails() -> None:

@@ -54,7 +54,7 @@ def test_wrong_usage_is_an_error(words, what, capsys):
     ("words", "what"),
     [
         (["--domain-id", "233"], "domain id 233 must be between 0 and 232"),
-        (["--kind", "tank"], "kind 'tank' is not known; it is one of kobuki, thesis"),
+        (["--kind", "tank"], "kind 'tank' is not known; it is one of amr, arm, kobuki, thesis"),
         (["--kind", "kobuki", "--settings", "s.yaml"], "--settings is for --kind thesis only"),
         (["--kind", "thesis", "--scenario", "s.yaml"], "--kind and --settings go with --robots"),
         (["--scenario", "gone.yaml"], "gone.yaml: cannot be read: No such file"),

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.faults.model import LEARNED
 from ros_diagnostics_exporter.faults.stored import parse
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.graph import CLAIMED, GraphWatch
-from ros_diagnostics_exporter.sources.graph_messages import Battery, Log, Transition
+from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.robot_graph import GRAPH, SHADOW, Report
@@ -616,7 +616,6 @@ MESSAGES = st.one_of(
     st.builds(Log, st.just("r.amcl"), LONG),
     st.builds(Transition, st.sampled_from(["errorprocessing", "active"]), LONG),
     st.just(Transition("errorprocessing", "unconfigured")),
-    st.builds(Battery, LONG, LONG, st.just(())),
 )
 
 
@@ -630,11 +629,11 @@ def views(draw) -> TopicView:
 @settings(max_examples=150, deadline=None)
 @given(nodes=NAMES, topics=st.dictionaries(LONG, views(), max_size=3), messages=MESSAGES)
 def test_every_row_that_is_written_can_be_read(nodes, topics, messages):
-    watch = Watched(logs=True, log_faults=(re.compile("(?s).*"),), transitions=True, batteries=True)
+    watch = Watched(logs=True, log_faults=(re.compile("(?s).*"),), transitions=True)
     site = Site(Graph(mode="on", learn_after=1.0, watch=watch))
     gone = (*USUAL, *nodes)
     site.look(70, *gone, **topics)
-    for topic in ("/rosout", "/r/amcl/transition_event", "/r/battery_state"):
+    for topic in ("/rosout", "/r/amcl/transition_event"):
         site.watch.see_message(0, topic, messages, site.now)
     site.look(40, "diag", **topics)
     site.watch.accept("r", site.now)

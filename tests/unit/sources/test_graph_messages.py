@@ -1,4 +1,4 @@
-"""What nodes log, and say of their life cycle, parameters and batteries; time is given."""
+"""What nodes log, and say of their life cycle and parameters; time is given."""
 
 from __future__ import annotations
 
@@ -8,43 +8,35 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
-from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.graph import TRY_AGAIN, GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import (
-    BATTERY_TYPE,
     LOG_TYPE,
     PARAMETERS_TYPE,
-    SILENT,
     STUCK,
     TRANSITION_TYPE,
-    Battery,
     Log,
     Parameters,
     Transition,
     is_asked_for,
 )
-from ros_diagnostics_exporter.sources.robot_graph import REPORT, Report
+from ros_diagnostics_exporter.sources.robot_graph import Report
 
 ALL = Watched(
     logs=True,
     log_faults=(re.compile(".*out of memory.*"),),
     transitions=True,
     parameters=True,
-    batteries=True,
 )
 TYPES = {
     "/rosout": [LOG_TYPE],
     "/parameter_events": [PARAMETERS_TYPE],
     "/r/amcl/transition_event": [TRANSITION_TYPE],
     "/other/amcl/transition_event": [TRANSITION_TYPE],
-    "/r/battery_state": [BATTERY_TYPE],
-    "/r/arm/charger": [BATTERY_TYPE],
-    "/other/battery_state": [BATTERY_TYPE],
+    "/r/battery_state": ["sensor_msgs/msg/BatteryState"],
     "/r/scan": ["sensor_msgs/msg/LaserScan"],
 }
 LIFE = "/r/amcl/transition_event"
-BATTERY = "/r/battery_state"
-FULL = Battery("discharging", "good", (("percentage", "63 %"),))
 
 
 class Site:
@@ -93,7 +85,6 @@ def site() -> Site:
         (Watched(logs=True), {"/rosout"}),
         (Watched(parameters=True), {"/parameter_events"}),
         (Watched(transitions=True), {LIFE}),
-        (Watched(batteries=True), {BATTERY}),
     ],
 )
 def test_nothing_is_subscribed_but_what_the_config_names(watch, wanted):
@@ -153,44 +144,6 @@ def test_a_parameter_that_is_set_is_an_event(site):
     assert site.events == expected
 
 
-@pytest.mark.parametrize(
-    ("health", "level", "text"),
-    [
-        ("good", 0, "discharging"),
-        ("unknown", 0, "discharging"),
-        ("cold", 1, "health: cold"),
-        ("overheat", 2, "health: overheat"),
-    ],
-)
-def test_a_battery_is_a_component_with_its_values_at_the_level_of_its_health(
-    site, health, level, text
-):
-    site.send(BATTERY, FULL._replace(health=health))
-    assert site.report.statuses == (Status(level, "battery_state", text, "", FULL.values),)
-
-
-def test_a_battery_that_says_nothing_any_more_is_repeated_no_more_and_not_forgotten(site):
-    site.send(BATTERY, FULL)
-    site.go_on(SILENT - 5)
-    assert (len(site.report.statuses), site.report.held) == (1, set())
-    site.go_on(40)
-    assert (site.report.statuses, site.report.held) == ((), {"battery_state"})
-    site.watch.forget("r", "battery_state", site.now)
-    site.go_on(1)
-    assert (site.report.statuses, site.report.held) == ((), set())
-
-
-def test_a_new_number_of_a_battery_is_said_with_the_next_report_a_new_state_at_once(site):
-    site.send(BATTERY, FULL)
-    site.go_on(1)
-    site.send(BATTERY, FULL._replace(values=(("percentage", "62 %"),)))
-    assert site.report.statuses[0].values == FULL.values
-    site.go_on(REPORT)
-    assert site.report.statuses[0].values == (("percentage", "62 %"),)
-    site.send(BATTERY, FULL._replace(state="charging"))
-    assert site.report.statuses[0].message == "charging"
-
-
 def test_what_a_person_accepts_or_forgets_of_messages_is_no_problem_any_more(site):
     site.send("/rosout", Log("r.amcl", "out of memory"))
     site.send(LIFE, Transition("errorprocessing", "unconfigured"))
@@ -216,7 +169,7 @@ def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
     site.watch.note_watched(0, {"/rosout": 30_000.0, LIFE: 100.0}, site.now)
     site.go_on(1)
     assert site.problems == {"watch": "/rosout is given up: 30000 B/s of at most 20000"}
-    assert site.wanted() == {"/parameter_events", LIFE, BATTERY}
+    assert site.wanted() == {"/parameter_events", LIFE}
     site.watch.note_watched(0, {LIFE: 100.0}, site.now)
     site.go_on(1)
     assert (site.report.watched, list(site.problems)) == (100.0, ["watch"])
@@ -254,7 +207,7 @@ def test_what_all_robots_of_a_domain_ask_for_is_shared_among_them(site):
     assert (site.report.watched, site.problems) == (15_000.0, {})
 
 
-def test_of_a_topic_of_batteries_only_what_they_say_is_asked_for():
-    asked = ["battery_state", "front/battery_state", "log a", "lifecycle a", "watch"]
-    others = ["topic battery_state", "node battery_state", "node log", "nodes", "link", "discovery"]
+def test_only_what_the_config_names_is_asked_for():
+    asked = ["log a", "lifecycle a", "watch"]
+    others = ["topic log", "node log", "nodes", "link", "discovery"]
     assert [each for each in (*asked, *others) if is_asked_for(each)] == asked

@@ -14,6 +14,7 @@ TALKER = (
     + HASH
     + "/::,7:,:,:,,"
 )
+BOOL = "std_msgs/msg/Bool"
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 
 
@@ -28,6 +29,16 @@ ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
         (
             f"@/{BRIDGE}/@ros2_lv/MP/r1§diagnostics/std_msgs§msg§String/:1:::;",
             Token(BRIDGE, "/r1/diagnostics", "r1/diagnostics", "std_msgs/msg/String"),
+        ),
+        (
+            f"@/{BRIDGE}/@ros2_lv/MP/r1§soc/std_msgs§msg§Float32/:1:::;typehash=RIHS01_0a;",
+            Token(BRIDGE, "/r1/soc", "r1/soc", "std_msgs/msg/Float32", "RIHS01_0a"),
+        ),
+        (
+            TALKER.format("std_msgs::msg::dds_::Bool_"),
+            Token(
+                "2/%", "/2/chatter", f"2/chatter/std_msgs::msg::dds_::Bool_/{HASH}", *(BOOL, HASH)
+            ),
         ),
         (f"@/{BRIDGE}/@ros2_lv/MS/r1§x/diagnostic_msgs§msg§DiagnosticArray/:1:::;", None),
         ("@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener", Token("2/%")),

@@ -151,8 +151,11 @@ def test_each_element_is_a_component_of_the_robot_that_its_label_names(asking, s
     found = asking.once(query(thresholds=HIGH, unit="%", stale_after=45.0))
 
     assert found == {
-        "r1": [(Level.ERROR, "disk /", "91.25 %, above 90"), (Level.OK, "disk /data", "80 %")],
-        "r2": [(Level.WARN, "disk /", "80.5 %, above 80")],
+        "r1": [
+            (Level.ERROR, "disk /", "91.25 %, above the critical threshold of 90 %"),
+            (Level.OK, "disk /data", "80 %"),
+        ],
+        "r2": [(Level.WARN, "disk /", "80.5 %, above the warning threshold of 80 %")],
     }
     feed, statuses, now = asking.received.answers[0]
     assert (feed, now) == (Feed("Host/disk {mountpoint}", "Host", 45.0), NOW)
@@ -189,7 +192,7 @@ def test_of_several_elements_of_one_component_the_worst_counts(asking, stub):
     stub.result("low", *rows)
     low = (Threshold("low", "critical", 10.0),)
     found = asking.once(query("low", "free", thresholds=low))
-    assert found["r1"] == [(Level.ERROR, "free", "5, below 10")]
+    assert found["r1"] == [(Level.ERROR, "free", "5, below the critical threshold of 10")]
 
 
 def test_a_level_ends_beyond_the_hysteresis_as_that_of_a_value(asking, stub):
@@ -218,7 +221,7 @@ def test_hostile_content_is_text_and_what_is_no_number_is_no_component(asking, s
     found = asking.once(query(thresholds=HIGH))
     assert found == {
         "r1": [(Level.OK, "disk ?\x00 {robot}", "1")],
-        "r3": [(Level.ERROR, "disk", "inf, above 90")],
+        "r3": [(Level.ERROR, "disk", "inf, above the critical threshold of 90")],
     }
     assert math.isinf(float(asking.received.answers[0][1]["r3"][0].values[0][1]))
 

@@ -23,6 +23,8 @@ def sample(number: int, kind) -> SimpleNamespace:
 def network() -> ZenohNetwork:
     receiver = Mock()
     receiver.wanted_topics.return_value = {}
+    receiver.finders.return_value = ()
+    receiver.asked_topics.return_value = frozenset()
     return ZenohNetwork(Zenoh(("tcp/centre:7447",)), receiver, Mock(), 1.0)
 
 
@@ -64,3 +66,23 @@ def test_looks_that_cost_much_are_further_apart(network, monkeypatch, share, lea
     list(network.look())
 
     assert least < network.look_at - before < most + time.monotonic() - before
+
+
+def test_tokens_of_what_is_asked_for_are_noted_and_no_others(network):
+    network._session = Mock()
+    asked = network._session.liveliness.return_value.declare_subscriber
+    network.receiver.asked_topics.return_value = frozenset({"io/e_stop"})
+    network.receiver.update_offered.return_value = {}
+    list(network.look())
+    keys = {each.args[0] for each in asked.call_args_list} - {*TOKENS}
+    expressions = [zenoh.KeyExpr(each) for each in keys]
+
+    def is_noted(token: str) -> bool:
+        return any(each.includes(zenoh.KeyExpr(token)) for each in expressions)
+
+    assert is_noted("@/9f/@ros2_lv/MP/r§io§e_stop/std_msgs§msg§Bool/:1:::;")
+    assert is_noted("@ros2_lv/2/aa/0/11/MP/%/%r/plc/%r%io%e_stop/std_msgs::msg::dds_::Bool_/R/::,")
+    assert not is_noted("@/9f/@ros2_lv/MP/r§e_stop/std_msgs§msg§Bool/:1:::;")
+    assert not is_noted("@/9f/@ros2_lv/MS/r§io§e_stop/std_msgs§msg§Bool/:1:::;")
+    list(network.look())
+    assert asked.call_count == len(TOKENS) + len(keys)  # once

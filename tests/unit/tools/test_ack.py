@@ -142,6 +142,25 @@ def test_what_the_arguments_name_is_acknowledged(server, arguments, expected):
     assert in_order(server.posted()) == in_order(expected)
 
 
+@pytest.mark.parametrize("name", ["lidar: Front  left", "lidar: Front left", "front LEFT"])
+def test_a_name_may_lose_blanks_when_it_is_copied_and_its_only_match_is_taken(server, name):
+    labels = {**MOTOR, "component": "lidar: Front  left"}
+    server.alerts = [alert("ComponentCritical", scope="component", state="critical", **labels)]
+    server.alerts.append(COMPONENT)
+
+    assert run("r1", name) == 0
+    assert [each["component"] for each in server.posted()] == ["lidar: Front  left"]
+
+
+def test_a_part_of_several_names_is_no_name(server, capsys):
+    labels = {**MOTOR, "component": "Motor 2"}
+    other = alert("ComponentStale", scope="component", state="stale", **labels)
+    server.alerts = [COMPONENT, other]
+
+    assert run("r1", "Motor") == 1
+    assert "no alert is firing for 'r1 Motor'" in capsys.readouterr().err
+
+
 def test_a_robot_of_two_fleets_is_acknowledged_in_the_one_that_is_named(server, capsys):
     other = {**COMPONENT, "labels": {**COMPONENT["labels"], "fleet": "g"}}
     server.alerts = [COMPONENT, other]

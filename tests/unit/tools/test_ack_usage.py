@@ -20,7 +20,9 @@ def test_an_invalid_duration_is_rejected(lasts, capsys):
     ("arguments", "code", "said"),
     [
         pytest.param(["--help"], 0, "", id="help"),
-        pytest.param(["--list", *CLOSED], 3, "ros-diagnostics: http://127.0.0.1:1/", id="list"),
+        pytest.param(
+            ["--list", *CLOSED], 3, "ros-diagnostics: cannot reach http://127.0.0.1:1/", id="list"
+        ),
         pytest.param(ORDER, 2, "give your name with --author", id="who"),
         pytest.param([*ORDER, "--author", "me", *CLOSED], 3, "http://127.0.0.1:1/", id="author"),
     ],

@@ -102,7 +102,7 @@ def test_the_tree_shows_each_state_and_the_parts_below(ask):
         "needs this",
         "OK Speaker",
         "",
-        "The next part that fails:",
+        "If one more part fails:",
         "Part Lost with it",
         "Laser 2 view, navigation",
         "check motors navigation",
@@ -139,7 +139,11 @@ def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, capsys):
         "DEGRADED Laser 1",
         "OK Laser 2",
     ]
-    assert lines[10:13] == ["", "The next part that fails:", "none"]  # it is lost already
+    assert lines[10:13] == [
+        "",
+        "If one more part fails:",
+        "nothing more is lost",
+    ]  # it is lost already
 
 
 def test_what_is_no_exporter_of_this_version_is_named(serve, capsys):

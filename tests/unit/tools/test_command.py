@@ -103,7 +103,9 @@ ASKING = (
 def test_a_server_that_does_not_answer_is_3_for_all(arguments, capsys):
     closed = "http://127.0.0.1:1"
     assert main([*arguments, "--url", closed, "--alertmanager", closed]) == 3
-    assert capsys.readouterr().err.startswith(f"ros-diagnostics: {closed}/")
+    said = capsys.readouterr().err
+    assert said.startswith(f"ros-diagnostics: cannot reach {closed}/")
+    assert ": Connection refused. Does it run? Other addresses: --url, --alertmanager" in said
 
 
 @pytest.mark.parametrize(
@@ -160,7 +162,9 @@ def test_faults_are_listed(serve, capsys, monkeypatch):
 def test_forget_names_the_robot_and_the_component(serve, capsys):
     asked = []
     server = serve(
-        forget=lambda *given: asked.append(given) or (2, given[1] is None), lifecycle=True
+        forget=lambda *given: asked.append(given) or (2, given[1] is None),
+        fleet_snapshot=lambda: FLEET,
+        lifecycle=True,
     )
     url = f"http://{server.addresses[0]}"
     assert main(["forget", "robot_1", "Motor 1", "--url", url]) == 0
@@ -172,6 +176,22 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
         " other exporter of the fleet, with --url.\n"
         '{\n  "forgotten": 2,\n  "passed_on": true\n}\n'
     )
+
+
+def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, capsys):
+    server = serve(forget=lambda *_: (0, True), fleet_snapshot=lambda: FLEET, lifecycle=True)
+    assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 0
+    said = "no robot 'robot1' is known here; the nearest is 'robot_1'; alerts that are held for it"
+    assert said in capsys.readouterr().out
+
+
+def test_why_names_the_nearest_robot(serve, capsys):
+    def unknown(*_given, **_more):
+        raise LookupError("there is no robot 'robot1'")
+
+    server = serve(why=unknown, fleet_snapshot=lambda: FLEET)
+    assert main(["why", "robot1", "--url", f"http://{server.addresses[0]}"]) == 1
+    assert "no robot 'robot1'; the nearest is 'robot_1'" in capsys.readouterr().err
 
 
 def test_accept_names_the_robot(serve, capsys):
@@ -190,9 +210,11 @@ def test_what_the_exporter_does_not_know_cannot_be_forgotten(serve, capsys):
     def unknown(*_given):
         raise LookupError("no robot 'x'")
 
-    server = serve(forget=unknown, lifecycle=True)
+    server = serve(forget=unknown, fleet_snapshot=lambda: FLEET, lifecycle=True)
     assert main(["forget", "x", "--url", f"http://{server.addresses[0]}"]) == 1
-    assert "404" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.startswith("ros-diagnostics: no robot 'x' (http://")
+    assert "404" in said
 
 
 class FakeAlertmanager:

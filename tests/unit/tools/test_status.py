@@ -10,6 +10,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
+from ros_diagnostics_tools.commands.status import short_names
 from ros_diagnostics_tools.main import main
 from support.web_server import broken, component, fleet, problem, robot, wait_until
 
@@ -65,7 +66,7 @@ def test_the_worst_robots_come_first_with_their_faults(show):
         "SILENT robot_3 robot is silent suppressed: maintenance until 1970-01-02 01:00 00:16:40, "
         "1 min its publisher sends nothing (mute)"
     ) in shown
-    assert ("CRITICAL robot_2 /Motor/Motor 1 confirmed 00:16:40, 1 min Over temperature") in shown
+    assert ("CRITICAL robot_2 Motor 1 confirmed 00:16:40, 1 min Over temperature") in shown
     assert "OK robot_1 last message 0 s ago" in shown
     assert "PENDING spare never received" in shown
     assert "1 SILENT, 1 CRITICAL, 1 OK, 1 PENDING" in text
@@ -92,7 +93,7 @@ def test_filters_by_state_robot_and_component(show, arguments, shown):
 
 def test_components_are_shown_with_message_and_values(show):
     text = " ".join(show("--component", "motor", "--robot", "robot_2").split())
-    assert "CRITICAL robot_2 /Motor/Motor 1 confirmed 00:16:40, 1 min Over" in text
+    assert "CRITICAL robot_2 Motor 1 confirmed 00:16:40, 1 min Over" in text
     assert "Level=12.3 V" in text
 
 
@@ -124,12 +125,40 @@ def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypa
     url = f"http://{server.addresses[0]}"
     assert main(["status", "--url", url]) == 0
     text = capsys.readouterr().out
-    assert text.count("/Motor/Motor") == 5
+    assert text.count("Motor ") == 5
     assert "and 15 more" in text
     assert "site hall" in text
     assert "suppressed: the exporter has just started" in text
     assert main(["status", "--url", url, "--robot", "a"]) == 0
     assert "site hall" not in capsys.readouterr().out
+
+
+NAMES = {
+    "/Sensors/lidar: Laser": "Laser",
+    "/Base/left: Motor": "left: Motor",
+    "/Base/right: Motor": "right: Motor",
+    "/Front/Camera": "/Front/Camera",
+    "/Rear/Camera": "/Rear/Camera",
+}
+
+
+def test_a_name_is_as_short_as_it_is_unique():
+    parts = [
+        component(path.rpartition("/")[2], "OK", group=path.rpartition("/")[0]) for path in NAMES
+    ]
+
+    assert short_names(robot("robot_3", *parts)) == NAMES
+
+
+def test_a_fleet_that_is_well_has_no_empty_columns(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    given = fleet(robot("robot_3", component("Motor 1", "OK")))
+    server = serve(fleet_snapshot=lambda: given)
+
+    assert main(["status", "--url", f"http://{server.addresses[0]}"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["State", "Robot", "Message"]
+    assert len(lines) == 4
 
 
 def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys, monkeypatch):

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from markupsafe import escape
 
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import SUPPRESSED, state_of
 from ros_diagnostics_exporter.texts import one_line
@@ -133,32 +134,70 @@ def test_each_robot_has_a_page_whose_links_work(serve, name):
             assert [each["robot"] for each in json.loads(there.body)["robots"]] == [name]
 
 
-RUNBOOKS = "http://10.0.0.1:9090/user/alerts/"
-
-
 def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
     known = robot("a/b", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)])
     soft = robot("c", problems=[broken("Motor 2", "warning", confirmed=None)])
     common = problem("common", "critical", component="Map", confirmed=1_010.0, fault="f0")
     given = fleet(known, soft, problems=[common])
-    server = serve(fleet_snapshot=lambda: given, runbooks=RUNBOOKS)
+    server = serve(fleet_snapshot=lambda: given)
     page = ask(server, "/").text
     assert "hall: Map of many robots" in ask(server, "/faults/f0").text
-    for link in ("runbooks/RosDiagnosticsComponentCritical", "robots/a%2Fb#why", "robots/c#why"):
+    runbook = "runbooks/RosDiagnosticsComponentCritical?robot=a%2Fb&amp;component=Motor+1"
+    for link in (runbook, "robots/a%2Fb#why", "robots/c#why"):
         assert f'href="{link}"' in page
     assert page.count('<a href="runbooks/') == 3
     assert "#act" not in page  # nobody may act
-    answer = ask(server, "/runbooks/RosDiagnosticsComponentCritical")
-    wanted = f"{RUNBOOKS}RosDiagnosticsComponentCritical.md"
-    assert (answer.status, answer.headers["Location"]) == (303, wanted)
     assert "#act" not in landing(given, "/metrics")
     acting = landing(given, "/metrics", acts=True)
     assert acting.count("#act") == 2  # what is not confirmed has no page
     assert f'href="faults/{FAULT}#act"' in acting
 
-    unknown = ask(serve(), "/runbooks/RosDiagnosticsComponentCritical")
-    assert unknown.status == 404
-    assert "--web.runbooks-url" in unknown.text
+
+@pytest.mark.parametrize("suffix", ["", ".html", ".md"])
+def test_a_runbook_is_a_page_with_the_names_filled_in(serve, suffix):
+    given = fleet({**robot("robot_3"), "domain_id": 7, "topic": "/robot_3/diagnostics_agg"})
+    names = "robot=robot_3&component=Motor%20%20%222%22"
+    path = f"/runbooks/RosDiagnosticsComponentCritical{suffix}?{names}"
+    server = serve(fleet_snapshot=lambda: given)
+    answer = ask(server, path)
+    page = read(answer.text)
+    assert answer.status == 200
+    assert "<h2>Do this now</h2>" in answer.text
+    assert "ros-diagnostics why robot_3 'Motor  \"2\"'" in page.text
+    assert '{robot="robot_3", component="Motor  \\"2\\""}' in page.text
+    assert {"../robots/robot_3", "../"} <= {a["href"] for tag, a in page.tags if tag == "a"}
+
+    silent = read(ask(server, "/runbooks/RosDiagnosticsRobotSilent?robot=robot_3").text).text
+    assert "ROS_DOMAIN_ID=7 ros2 topic hz /robot_3/diagnostics_agg" in silent
+
+
+@pytest.mark.parametrize("name", ["a\nrm", "-oProxyCommand=x", "", "\u202eb"])
+def test_a_name_that_cannot_be_pasted_is_not_filled_in(serve, name):
+    path = f"/runbooks/RosDiagnosticsClockOffset?robot={quote(name)}"
+
+    assert "ssh ROBOT chronyc" in read(ask(serve(), path).text).text
+
+
+def test_a_name_in_a_runbook_is_one_word_and_no_markup(serve):
+    path = f"/runbooks/RosDiagnosticsClockOffset?robot={quote('<b>; x')}"
+    html = ask(serve(), path).text
+
+    assert "ssh '<b>; x' chronyc" in read(html).text
+    assert "<b>" not in html
+
+
+def test_the_links_of_all_runbooks_lead_to_runbooks(serve):
+    server = serve()
+    for page in (ROOT / "docs" / "alerts").glob("*.md"):
+        path = f"/runbooks/{page.stem}"
+        links = [a["href"] for tag, a in read(ask(server, path).text).tags if tag == "a"]
+        assert {ask(server, urljoin(path, link)).status for link in links} == {200}
+
+
+def test_an_alert_without_a_runbook_is_404(serve):
+    answer = ask(serve(), "/runbooks/DiskFull.html")
+    assert answer.status == 404
+    assert "DiskFull" in read(answer.text).text
 
 
 @pytest.mark.parametrize(
@@ -171,6 +210,10 @@ def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
         ("robot=\r\nX: y", "robots/%0D%0AX%3A%20y"),
         ("", "./"),
         ("fault=f&scope=component&state=stale", "runbooks/RosDiagnosticsComponentStale"),
+        (
+            "robot=a b&component=c&scope=component&state=stale",
+            "runbooks/RosDiagnosticsComponentStale?robot=a+b&component=c",
+        ),
         ("fault=0123&scope=&state=", "faults/0123"),
         ("scope=site&state=silent", "runbooks/RosDiagnosticsFleetPartDown"),
     ],
@@ -200,7 +243,7 @@ RECORDING = f"/api/v1/faults/{FAULT}/recording.mcap"
 def test_a_fault_has_a_page_and_links_what_was_received(serve):
     recorded = broken("Motor 1", fault=FAULT, recording=RECORDING, evidence="over current")
     given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[recorded]))
-    server = serve(fleet_snapshot=lambda: given, recording=lambda *_: b"mcap", runbooks=RUNBOOKS)
+    server = serve(fleet_snapshot=lambda: given, recording=lambda *_: b"mcap")
     for path in ("/", "/robots/a", f"/faults/{FAULT}"):
         answer = ask(server, path)
         assert answer.status == 200
@@ -209,7 +252,7 @@ def test_a_fault_has_a_page_and_links_what_was_received(serve):
         assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", RECORDING}
         there = {urldefrag(urljoin(path, link)).url for link in links}
         found = {ask(server, link).status for link in there}
-        assert found == {200, 303}  # the runbook is on another server
+        assert found == {200}
     assert "<title>a: /Motor/Motor 1</title>" in answer.text
     assert "When confirmed: over current" in read(answer.text).text
 
@@ -310,7 +353,9 @@ def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
     def shown(answer) -> str:
         return read(
             answer.text.partition(
-                "Of many robots" if "Of many" in answer.text else "Robots with problems"
+                "Faults of many robots"
+                if "of many robots" in answer.text
+                else "Robots with problems"
             )[2]
         ).text
 
@@ -429,7 +474,7 @@ def test_a_problem_is_confirmed_or_not_yet_or_suppressed_with_the_reason():
         shown(confirmed=None, suppressed="maintenance") == "suppressed: maintenance until 20:00 UTC"
     )
     assert shown(suppressed="flapping", healthy=True) == (
-        "confirmed; healthy again, still open: it is flapping"
+        "recovered; it stays open: it is flapping"
     )
 
 
@@ -466,7 +511,7 @@ def test_maintenance_and_flapping_are_marked():
 def test_what_many_robots_have_in_common_comes_first():
     site = problem("site", "silent", site="hall", confirmed=1_010.0, evidence="robots: a, b")
     text = text_of(robot("a", problems=[MUTE], **SILENT), problems=[site])
-    assert "Of many robots: 1SILENT many robots of site hall are silent confirmed" in text
+    assert "Faults of many robots: 1SILENT many robots of site hall are silent confirmed" in text
     assert text.index("of site hall") < text.index("Robots with problems")
 
 
@@ -510,18 +555,18 @@ def test_what_the_fleet_and_a_robot_can_do_is_shown_the_worst_first():
     see, drive = able("see", "ok", ok=2), able("drive", "degraded", ok=1, degraded=1, maintenance=3)
     given = fleet(robot("a")) | {"capabilities": [see, drive, able("lift", "lost", lost=1)]}
     assert (
-        "Can doCRITICAL lift lost  0 of 1 robots can, 1 lost"
+        "CapabilitiesCRITICAL lift lost  0 of 1 robots can, 1 lost"
         "WARNING drive degraded  2 of 5 robots can, 3 in maintenance"
         "OK see 2 of 2 robots canRobots with problems"
     ) in read(landing(given, "/metrics")).text
-    assert "Can do" not in landing(given, "/metrics", "a")
+    assert "Capabilities" not in landing(given, "/metrics", "a")
     motor = {"group": "/Motor", "component": "Motor 1", "check": "", "key": "", "robot": ""}
     able_to = [
         {"capability": "see", "state": "ok", "parts": []},
         {"capability": "drive", "state": "lost", "parts": [motor]},
     ]
     text = read(robot_page(fleet(robot("a", capabilities=able_to)), "a", []) or "").text
-    assert "Can doCRITICAL drive lost  /Motor/Motor 1OK see" in text
+    assert "CapabilitiesCRITICAL drive lost  /Motor/Motor 1OK see" in text
 
 
 def test_the_size_of_the_pages_is_limited():
@@ -635,16 +680,15 @@ def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():
     assert "Queries without" not in landing(fleet(robot("r")), "/metrics")
 
 
-def test_a_robots_page_has_its_story_each_part_in_one_paragraph(serve):
-    told = [
-        {"about": "a", "text": f"Motor was faulty once {EVIL}."},
-        {"about": "a", "text": "ann has it."},
-        {"about": "b", "text": "Lidar was faulty 2 times."},
-    ]
-    server = serve(
-        fleet_snapshot=lambda: fleet(robot("a")), story=lambda _robot: {"sentences": told}
-    )
-    shown = read(ask(server, "/robots/a").text)
-    assert f"Motor was faulty once {EVIL}. ann has it. " in shown.text
-    assert [tag for tag, _ in shown.tags if tag in {"script", "img"}] == ["script"]
-    assert "Lidar was faulty 2 times." in shown.text
+def test_what_is_among_the_last_faults_in_order_is_not_listed_again():
+    log = EventLog()
+    for at, after in ((1_000.0, "silent"), (1_040.0, "received")):
+        log.record(Event(at, "robot", "a", after=after))
+    text = event_text(next(iter(log.find(Wanted(robot="a")))))
+    entries = [{"time": 1_040.0, "text": text}]
+
+    page = robot_page(fleet(robot("a")), "a", log.find(Wanted(robot="a")), entries) or ""
+
+    assert page.count(text) == 1
+    _, others = read(page).text.split("Other recent events")
+    assert "is silent" in others

@@ -171,16 +171,16 @@ def _worst(lasting: Mapping[tuple[str, ...], str]) -> str:
 
 
 def _follow_larger(
-    found: Here, larger: dict[tuple[str, ...], int], event: Mapping[str, Any]
+    here: Here, larger: dict[tuple[str, ...], int], event: Mapping[str, Any]
 ) -> None:
     fault = _fault(event)
     if event["after"] != "firing":
         if fault in larger:
             number = larger.pop(fault)
-            found.larger[number] = replace(found.larger[number], ended=event["time"])
+            here.larger[number] = replace(here.larger[number], ended=event["time"])
         return
     if fault not in larger:
         part = event["site"] if event["scope"] == "site" else event["component"] or event["robot"]
         name = f"{event['scope']} {part}".strip()
-        larger[fault] = len(found.larger)
-        found.larger.append(Larger(event["time"], None, name, event["robot"], event["component"]))
+        larger[fault] = len(here.larger)
+        here.larger.append(Larger(event["time"], None, name, event["robot"], event["component"]))

@@ -112,9 +112,9 @@ def _time_zone(site: Site, given: str | None) -> str:
         raise NagiosError(f"use_timezone: {error}; name the zone with --time-zone") from None
 
 
-def _site(found: files.Read, templates: Templates, ledger: ImportLedger) -> Site:
-    settings = {each.key: each for each in found.settings if each.kind == "main"}
-    macros = {each.key: each for each in found.settings if each.kind == "resource"}
+def _site(files_read: files.Read, templates: Templates, ledger: ImportLedger) -> Site:
+    settings = {each.key: each for each in files_read.settings if each.kind == "main"}
+    macros = {each.key: each for each in files_read.settings if each.kind == "resource"}
     things: dict[str, list[Thing]] = {}
     for thing in templates.things():
         things.setdefault(thing.kind, []).append(thing)
@@ -133,18 +133,18 @@ def _account_for_commands(site: Site, its_robots: list[robots.Robot]) -> None:
                 command.take("command_line", "the checks of services")
 
 
-def _account_for_rest(found: files.Read, templates: Templates, ledger: ImportLedger) -> None:
+def _account_for_rest(files_read: files.Read, templates: Templates, ledger: ImportLedger) -> None:
     """Report every line that nothing has translated or reported."""
-    for setting in found.settings:
-        if setting in found.skipped:
+    for setting in files_read.settings:
+        if setting in files_read.skipped:
             ledger.lost((setting,), files.NOT_FOLLOWED)
         elif setting.key in files.INCLUDES:
             ledger.translated((setting,), "read")
-    for definition in found.definitions:
+    for definition in files_read.definitions:
         for each in definition.directives:
             if not ledger.knows(each):
                 ledger.lost((each,), *_why(definition, each, templates))
-    for each in found.settings:
+    for each in files_read.settings:
         if not ledger.knows(each):
             ledger.lost((each,), advice.advice(each), advice.effect(each))
 
@@ -171,9 +171,9 @@ def report(ledger: ImportLedger) -> str:
     return "\n\n".join(texts) + "\n"
 
 
-def _line(each: Directive) -> str:
-    owner = " ".join(filter(None, (each.kind, each.owner)))
-    return f"{each.place}: {owner}: {each.written} {advice.shown(each)}".rstrip()
+def _line(directive: Directive) -> str:
+    owner = " ".join(filter(None, (directive.kind, directive.owner)))
+    return f"{directive.place}: {owner}: {directive.written} {advice.shown(directive)}".rstrip()
 
 
 def _yaml(name: str, content: Any) -> str:

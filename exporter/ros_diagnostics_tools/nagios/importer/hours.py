@@ -147,26 +147,26 @@ def _hours(site: Site, thing: Thing, name: str, above: tuple[str, ...]) -> Hours
     return found
 
 
-def _with_exception(found: Hours, thing: Thing, key: str, where: str) -> Hours:
+def _with_exception(hours: Hours, thing: Thing, key: str, where: str) -> Hours:
     dates = _dates(key)
     if dates is None:
         thing.lose(key, _NO_SUCH_DATE, Effect.OTHERWISE)
-        return found
+        return hours
     ranges = _ranges(thing.take(key, where))
     muted = [{**each, **times(rest)} for each in dates if (rest := tuple(_complement(ranges)))]
     added = [{**each, **times(ranges)} for each in dates] if ranges else []
-    return replace(found, muted=(*found.muted, *muted), added=(*found.added, *added))
+    return replace(hours, muted=(*hours.muted, *muted), added=(*hours.added, *added))
 
 
-def _without(found: Hours, other: Hours, thing: Thing) -> Hours:
+def _without(hours: Hours, other: Hours, thing: Thing) -> Hours:
     if other.muted:
         thing.lose(
             "exclude",
             f"{other.name} has dates of its own, which exclude does not keep",
             Effect.OTHERWISE,
         )
-    thing.take("exclude", f"the hours {found.name}, muted in {other.name}")
-    return replace(found, muted=(*found.muted, *other.intervals()))
+    thing.take("exclude", f"the hours {hours.name}, muted in {other.name}")
+    return replace(hours, muted=(*hours.muted, *other.intervals()))
 
 
 def _dates(key: str) -> list[Interval] | None:
@@ -257,8 +257,8 @@ def _complement(ranges: Ranges) -> Iterable[tuple[int, int]]:
         yield at, DAY
 
 
-def _common(mine: Ranges, its: Ranges) -> Iterable[tuple[int, int]]:
+def _common(mine: Ranges, theirs: Ranges) -> Iterable[tuple[int, int]]:
     for start, end in mine:
-        for begin, finish in its:
+        for begin, finish in theirs:
             if max(start, begin) < min(end, finish):
                 yield max(start, begin), min(end, finish)

@@ -71,6 +71,6 @@ class ImportLedger:
         return _rows(self._translated)
 
 
-def _rows(found: dict[Directive, dict[str, None]]) -> list[tuple[Directive, tuple[str, ...]]]:
-    ordered = sorted(found, key=lambda each: (str(each.path), each.line))
-    return [(each, tuple(found[each])) for each in ordered]
+def _rows(named: dict[Directive, dict[str, None]]) -> list[tuple[Directive, tuple[str, ...]]]:
+    ordered = sorted(named, key=lambda each: (str(each.path), each.line))
+    return [(each, tuple(named[each])) for each in ordered]

@@ -117,8 +117,8 @@ def thresholds(warning: str, critical: str) -> dict[str, dict[str, float]] | Non
     return found if _are_ordered(found) else None
 
 
-def _are_ordered(found: dict[str, dict[str, float]]) -> bool:
-    low, high = found.get("low", {}), found.get("high", {})
+def _are_ordered(thresholds: dict[str, dict[str, float]]) -> bool:
+    low, high = thresholds.get("low", {}), thresholds.get("high", {})
     values = [low.get("critical"), low.get("warning"), high.get("warning"), high.get("critical")]
     given = [each for each in values if each is not None]
     return bool(given) and given == sorted(given)

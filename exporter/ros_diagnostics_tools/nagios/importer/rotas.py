@@ -27,9 +27,9 @@ class Turn(NamedTuple):
     hours: Hours
 
 
-def relieve_one_another(found: Iterable[Hours]) -> bool:
+def relieve_one_another(hours: Iterable[Hours]) -> bool:
     """Whether at any time of any week exactly one of several holds."""
-    every = list(found)
+    every = list(hours)
     if len(every) < 2 or any(each.muted or each.added for each in every):
         return False
     for day in range(7):

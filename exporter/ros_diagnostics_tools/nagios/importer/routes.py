@@ -262,16 +262,16 @@ class _Router:
         self.made.rotas[name] = [Turn(each.contact, each.hours) for each in recipients]
         return name
 
-    def _times(self, found: Hours) -> dict[str, list[str]]:
-        if found.always:
+    def _times(self, hours: Hours) -> dict[str, list[str]]:
+        if hours.always:
             return {}
         route = {}
-        if active := found.intervals():
-            self.made.time_intervals[found.name] = self._located(active)
-            route["active_time_intervals"] = [found.name]
-        if found.muted:
-            self.made.time_intervals[f"{found.name} (off)"] = self._located(found.muted)
-            route["mute_time_intervals"] = [f"{found.name} (off)"]
+        if active := hours.intervals():
+            self.made.time_intervals[hours.name] = self._located(active)
+            route["active_time_intervals"] = [hours.name]
+        if hours.muted:
+            self.made.time_intervals[f"{hours.name} (off)"] = self._located(hours.muted)
+            route["mute_time_intervals"] = [f"{hours.name} (off)"]
         return route
 
     def _located(self, intervals: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:

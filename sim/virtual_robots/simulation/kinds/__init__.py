@@ -46,7 +46,10 @@ def load_kind(path: Path) -> KindModel:
 @lru_cache(maxsize=64)
 def load_analyzers(path: Path) -> Parameters:
     """The diagnostics.yaml of the kind whose file is ``path``. Raises AnalyzerConfigError."""
-    return load_parameters(path.parent / load_kind(path).analyzers)
+    analyzers = load_kind(path).analyzers
+    if analyzers is None:
+        raise DocumentError(f"{path}: robots of this kind have no diagnostics, so no aggregator")
+    return load_parameters(path.parent / analyzers)
 
 
 def build_components(kind: KindModel, seed: str) -> list[Component]:

@@ -1,22 +1,20 @@
-"""A robot's story: its sentences follow from the events, its numbers are those of a recount."""
+"""`history --week`: sentences that follow from the events, with the numbers of a recount."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import asdict, replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.api.story import WEEK, history, recorded, story
-from ros_diagnostics_exporter.events import Event as LoggedEvent
-from ros_diagnostics_exporter.events import EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import fault_of
+from ros_diagnostics_exporter.api.occurrences import WEEK
 from ros_diagnostics_exporter.severity import span
-from support.web_server import downtime, problem, robot
+from ros_diagnostics_tools import week_sentences
+from ros_diagnostics_tools.main import main
+from support.web_server import downtime, fleet, problem, robot
 
 NOW = 30 * 86_400.0
 BEGIN = NOW - WEEK
@@ -48,7 +46,10 @@ def level(time: float, component: str, after: str = "WARN") -> Event:
 
 def sentences(events: list[Event], since: float = BEGIN, **of_robot: Any) -> list[str]:
     numbered = [{**each, "id": number} for number, each in enumerate(events, 1)]
-    return [each["text"] for each in story(numbered, robot("r", **of_robot), NOW, since)]
+    return [
+        each["text"]
+        for each in week_sentences.sentences(numbered, robot("r", **of_robot), NOW, since)
+    ]
 
 
 def three(*, charger: bool = True) -> list[Event]:
@@ -178,52 +179,6 @@ def test_what_lasts_is_first_and_the_number_of_parts_is_limited():
     assert texts[-1] == "3 more parts were faulty in the last 7 days."
 
 
-@pytest.fixture
-def find():
-    """A function that looks up events; those of a log of two robots of which one fails twice."""
-    log = EventLog()
-    of = {"group": "/Motor", "component": "Motor 2"}
-    named = {"scope": "component", "state": "critical", "severity": "critical", **of}
-    for time, kind, robot_name, more in (
-        (90.0, "level", "r", of | {"before": "OK", "after": "WARN"}),
-        (110.0, "fault_began", "r", named | {"since": 100.0}),
-        (112.0, "notified", "r", named | {"since": 100.0, "receiver": "email", "after": "firing"}),
-        (120.0, "acknowledged", "r", named | {"since": 100.0, "author": "ann"}),
-        (210.0, "fault_began", "other", named | {"since": 200.0}),
-        (300.0, "fault_ended", "r", named | {"since": 100.0, "reason": "recovered"}),
-        (410.0, "fault_began", "r", named | {"since": 400.0}),
-        (500.0, "robot", "r", {"after": "silent"}),
-    ):
-        event = LoggedEvent(time, kind, robot_name, **more)
-        if event.since is not None:
-            event = replace(event, fault=fault_of("f", "x", asdict(event)))
-        log.record(event)
-    return lambda **wanted: list(log.find(Wanted(**wanted)))
-
-
-def test_the_history_of_a_fault_is_of_its_id(find):
-    last, first = history(find, fault_of("f", "x", find(kind="fault_began", robot="r", limit=1)[0]))
-
-    assert (last["since"], last["until"]) == (400.0, None)
-    assert (first["since"], first["until"], first["reason"]) == (100.0, 300.0, "recovered")
-    assert [each["author"] for each in first["acknowledged"]] == ["ann"]
-    assert [each["receiver"] for each in first["notified"]] == ["email"]
-    assert history(find, "0123456789ab") == []
-    (only,) = history(find, find(robot="other")[0]["fault"])
-    assert (only["since"], only["until"]) == (200.0, None)
-
-
-def test_a_story_is_made_of_the_recent_events_and_of_all_faults(find, monkeypatch):
-    events, since = recorded(find, "r", 350.0)
-    assert sorted(each["time"] for each in events) == [110.0, 300.0, 410.0, 500.0]
-    assert since == 350.0
-
-    monkeypatch.setattr("ros_diagnostics_exporter.api.story.SEARCHED", 3)
-    events, since = recorded(find, "r", 0.0)
-    assert sorted(each["time"] for each in events) == [110.0, 300.0, 410.0, 500.0]
-    assert since == 300.0  # there are more than are looked through
-
-
 STEP = 10  # seconds: times are its multiples
 times = st.integers(0, 300).map(lambda each: each * STEP)
 faults = st.lists(
@@ -265,7 +220,7 @@ def test_every_number_of_a_sentence_is_that_of_a_recount(made, changes, notified
     numbered = [{**each, "id": number} for number, each in enumerate(events, 1)]
 
     by_part: dict[str, list[str]] = {}
-    for each in story(numbered, robot("r"), NOW, BEGIN):
+    for each in week_sentences.sentences(numbered, robot("r"), NOW, BEGIN):
         by_part.setdefault(each["about"].removeprefix("/Motor/"), []).append(each["text"])
 
     assert by_part.keys() == (covered.keys() or {""})
@@ -334,3 +289,27 @@ def test_aborted_goals_and_interventions_are_counted_with_what_was_wrong():
         "There were 2 interventions in the last 7 days.",
         "One goal of spin was aborted in the last 7 days: while Laser was STALE.",
     ]
+
+
+def test_the_sentences_of_one_part_are_one_line_and_all_comes_from_the_api(serve, capsys):
+    events = [{**each, "id": number} for number, each in enumerate(three(), 1)]
+    asked = []
+
+    def find(wanted):
+        asked.append((wanted.robot, wanted.kind))
+        return [each for each in events[::-1] if wanted.kind in (None, each["kind"])]
+
+    server = serve(
+        fleet_snapshot=lambda: {**fleet(robot("r")), "time": NOW},
+        find_events=find,
+        faults=lambda: {"faults": [], "events_since": 0.0},
+    )
+    url = f"http://{server.addresses[0]}"
+
+    assert main(["history", "r", "--week", "--url", url]) == 0
+    [line] = capsys.readouterr().out.splitlines()
+    assert line.startswith("/Motor/Motor 2 was faulty 3 times in the last 7 days")
+    assert "Each of the 3 times it began 4 min after /Power/Charger turned WARNING" in line
+    assert {robot for robot, _kind in asked} == {"r"}
+    assert main(["history", "q", "--week", "--url", url]) == 1
+    assert "there is no robot 'q': `ros-diagnostics status` lists all" in capsys.readouterr().err

@@ -1,16 +1,12 @@
-"""A robot's story: what failed in the last days, in sentences that follow from the event log.
-
-Pure functions of events (as /api/v1/events returns them): each time that a fault lasted, with its
-end and who took care of it, and the sentences of a robot as /api/v1/fleet returns it.
-"""
+"""What failed of a robot in a week, in sentences that follow from the event log. Pure."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.api.aborted import aborted_texts
+from ros_diagnostics_exporter.api.occurrences import LABELS, WEEK, Spell, occurrences, spells
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -19,85 +15,9 @@ from ros_diagnostics_exporter.severity import (
     subject,
 )
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.aborted import aborted_texts
 
-# The labels of a fault, in the order in which they are shown.
-LABELS = (
-    *("scope", "state", "severity", "site"),
-    *("robot", "group", "component", "check", "key", "bound"),
-)
-SEARCHED = 10_000  # events of each kind that are looked through
-KINDS = ("fault_began", "fault_ended", "notified", "acknowledged")  # of the events that count
-
-
-def labels_of(event: dict[str, Any]) -> dict[str, str]:
-    """The labels of an event's fault; those that do not apply are ""."""
-    return {name: event.get(name, "") for name in LABELS}
-
-
-def history(find: Callable[..., list[dict[str, Any]]], fault: str) -> list[dict[str, Any]]:
-    """Each time that one fault, by its id, lasted, as `occurrences`.
-
-    ``find`` returns the events that match, newest first; its arguments are those of `Wanted`.
-    """
-    return occurrences(find(fault=fault, limit=SEARCHED))
-
-
-def occurrences(
-    events: Iterable[dict[str, Any]], earlier: Iterable[dict[str, Any]] = ()
-) -> list[dict[str, Any]]:
-    """Each fault that these events are of, the one that began last first; times are Unix time.
-
-    ``earlier`` are those of events before, to which these are added. Of each its labels, ``since``,
-    ``confirmed`` (None where only its end is known), ``until`` and ``reason`` (None while no end is
-    known), the evidence of its begin and of its end, and who acknowledged it and was notified, in
-    order.
-    """
-    found = {(*labels_of(each).values(), each["since"]): each for each in earlier}
-    for event in sorted(events, key=lambda each: (each["time"], each["id"])):
-        if event["kind"] not in KINDS or event.get("since") is None:
-            continue
-        labels = labels_of(event)
-        fault = found.setdefault((*labels.values(), event["since"]), _new(labels, event["since"]))
-        _add(fault, event)
-    return sorted(found.values(), key=lambda each: -each["since"])
-
-
-def _new(labels: dict[str, str], since: float) -> dict[str, Any]:
-    return {
-        **labels,
-        "since": since,
-        "confirmed": None,
-        "until": None,
-        "reason": None,
-        "evidence": "",
-        "end": "",
-        "acknowledged": [],
-        "notified": [],
-    }
-
-
-def _add(fault: dict[str, Any], event: dict[str, Any]) -> None:
-    kind, message, at = event["kind"], event.get("message", ""), event["time"]
-    if kind == "fault_began":
-        fault |= {"confirmed": at, "evidence": message}
-    elif kind == "fault_ended":
-        fault |= {"until": at, "reason": event["reason"], "end": message}
-    elif kind == "acknowledged":
-        author = event.get("author", "")
-        fault["acknowledged"].append({"at": at, "author": author, "comment": message})
-    else:
-        fault["notified"].append(
-            {
-                "at": at,
-                "receiver": event.get("receiver", ""),
-                "step": event.get("step", ""),
-                "after": event.get("after", ""),
-            }
-        )
-
-
-WEEK = 7 * 86_400.0
-MOST = 10  # parts that a story names
+MOST = 10  # parts that are named
 AGAIN = 3  # times that something has to precede a fault before it is mentioned
 BEFORE = 900.0  # seconds before a fault in which it does
 AT_ONCE = 1.0  # seconds within which two things happened at the same time
@@ -113,13 +33,6 @@ _OF_ROBOT = {
 }
 
 
-class Spell(NamedTuple):
-    """A time in which a part was faulty; ``until`` is None while it is."""
-
-    since: float
-    until: float | None
-
-
 class _Part(NamedTuple):
     """What failed: its name, how a sentence about it begins, and its faults, the newest first."""
 
@@ -132,7 +45,7 @@ class _Part(NamedTuple):
         return spells(self.faults)
 
 
-def story(
+def sentences(
     events: Iterable[Event], robot: dict[str, Any], now: float, since: float
 ) -> list[dict[str, str]]:
     """What happened to a robot, as sentences: ``about`` which part ("" all of it) and ``text``.
@@ -161,42 +74,11 @@ def story(
     return [*found, *more, *goals]
 
 
-def recorded(
-    find: Callable[..., list[Event]], robot: str, since: float
-) -> tuple[Iterable[Event], float]:
-    """The events that a robot's story is made of, and the Unix time since when all are among them.
-
-    Args:
-        find: The events that match, newest first; its arguments are those of `Wanted`.
-        robot: The robot's name.
-        since: Unix time from when on they are wanted; of its faults all are.
-    """
-    recent = find(robot=robot, since=since, limit=SEARCHED)
-    if len(recent) == SEARCHED:  # there may be more
-        since = recent[-1]["time"]
-    for kind in ("fault_began", "fault_ended"):
-        recent += find(robot=robot, kind=kind, limit=SEARCHED)
-    return {each["id"]: each for each in recent}.values(), since
-
-
 def in_time(since: float, now: float) -> str:
     """The time that the sentences are of, in words; a shorter one where the log has no more."""
     if now - since >= WEEK:
         return "in the last 7 days"
     return f"since {clock(since, now, local=False)}, where the event log begins"
-
-
-def spells(faults: Iterable[dict[str, Any]]) -> list[Spell]:
-    """The times in which any of these faults lasted, in order: those that overlap are one."""
-    found: list[Spell] = []
-    for each in sorted(faults, key=lambda fault: fault["since"]):
-        last = found[-1] if found else None
-        if last is None or (last.until is not None and last.until < each["since"]):
-            found.append(Spell(each["since"], each["until"]))
-        elif last.until is not None:
-            until = each["until"]
-            found[-1] = Spell(last.since, None if until is None else max(last.until, until))
-    return found
 
 
 def _faults(events: list[Event], robot: dict[str, Any], since: float) -> Iterator[dict[str, Any]]:
@@ -254,22 +136,22 @@ def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _lasted(found: list[Spell], now: float) -> str:
+def _lasted(lasted: list[Spell], now: float) -> str:
     """How long each time was, or the shortest, the longest and the sum; and whether it goes on."""
-    lengths = [(now if each.until is None else each.until) - each.since for each in found]
+    lengths = [(now if each.until is None else each.until) - each.since for each in lasted]
     if len(lengths) == 1:
         words = f"for {span(lengths[0])}"
     else:
         low, high = span(min(lengths)), span(max(lengths))
         each = low if low == high else f"{low} to {high}"
         words = f"for {each} each, {span(sum(lengths))} in all"
-    last = found[-1]
+    last = lasted[-1]
     return words if last.until is not None else f"{words}, and it goes on"
 
 
-def preceding(part: _Part, found: list[Spell], events: Iterable[Event]) -> str | None:
+def preceding(part: _Part, lasted: list[Spell], events: Iterable[Event]) -> str | None:
     """What happened before each time that a part failed, if it hardly ever did otherwise."""
-    if len(found) < AGAIN:
+    if len(lasted) < AGAIN:
         return None
     own = {(fault["group"], fault["component"]) for fault in part.faults}
     moments: dict[str, list[float]] = {}
@@ -279,16 +161,16 @@ def preceding(part: _Part, found: list[Spell], events: Iterable[Event]) -> str |
             moments.setdefault(words, []).append(event["time"])
     candidates = []
     for words, times in moments.items():
-        delays = [_delay(each.since, times) for each in found]
+        delays = [_delay(each.since, times) for each in lasted]
         known = [each for each in delays if each is not None]
-        if len(known) == len(found) and len(times) <= 2 * len(found):
+        if len(known) == len(lasted) and len(times) <= 2 * len(lasted):
             candidates.append((len(times), max(known) - min(known), words, known))
     if not candidates:
         return None
     number, _spread, words, delays_known = min(candidates)
     low, high = span(min(delays_known)), span(max(delays_known))
     delay = low if low == high else f"{low} to {high}"
-    each = f"Each of the {len(found)} times it began {delay} after {words}"
+    each = f"Each of the {len(lasted)} times it began {delay} after {words}"
     return f"{each}, which happened {_times(number)}."
 
 

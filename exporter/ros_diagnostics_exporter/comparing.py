@@ -1,0 +1,149 @@
+"""Finds domains that have become deaf to a robot: a second participant receives it, this one not.
+
+A robot that is silent may be off, or this process may be deaf to it. So while one is silent, a
+second process listens to its topics for some seconds: soon after it fell silent, and then ever less
+often. This process is deaf to a topic that the second one received twice, and itself not once
+meanwhile.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.model import Domain, Instant, place
+from ros_diagnostics_exporter.sources.listener import Listener
+
+log = logging.getLogger(__name__)
+
+PROGRAM = "ros_diagnostics_exporter.sources.dds_second"
+LISTEN = 10.0  # seconds that the second participant listens
+ENDED = 60.0  # ... after which it is ended, where joining takes as long
+REST = 60.0  # ... between two comparisons, and from joining to the first
+LONGEST = 3600.0  # ... between two of the same topics, which are ever further apart
+CONFIRM = 10.0  # ... from the one that first missed topics to the next of these
+TOPICS = 100  # of one comparison: of more, some are chosen by chance
+
+
+class Second:
+    """A second participant of a domain: a process that listens to these topics."""
+
+    def __init__(
+        self, domain: Domain, topics: Collection[str], ros_arguments: Sequence[str]
+    ) -> None:
+        self.began = time.monotonic()
+        self._process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", PROGRAM, str(domain), str(LISTEN), *topics, *ros_arguments],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,  # which has room for all that it says
+            text=True,
+        )
+
+    @property
+    def listens(self) -> bool:
+        """Whether it goes on."""
+        return self._process.poll() is None and time.monotonic() < self.began + ENDED
+
+    def stop(self) -> set[str]:
+        """End it; the topics of which it received a message."""
+        if self._process.poll():
+            log.warning("a second participant failed (exit code %d)", self._process.returncode)
+        self._process.kill()
+        return set(self._process.communicate()[0].splitlines())
+
+
+@dataclass(slots=True)
+class _Compared:
+    """What is known of one domain; times are monotonic."""
+
+    last: float = -inf  # when the last comparison began
+    rest: float = REST
+    topics: set[str] = field(default_factory=set)  # that are silent since before the last one
+    missed: set[str] = field(default_factory=set)  # at the last one, by this process alone
+    since: float = 0.0  # when the one began that first missed them
+
+
+class Comparing:
+    """Compares domains with what a second participant receives there, one after the other."""
+
+    def __init__(self, state: FleetState, listener: Listener) -> None:
+        self._state, self._listener = state, listener
+        self._domains: dict[Domain, _Compared] = {}
+        self._second: Second | None = None
+        self._domain: Domain = 0  # that it listens to
+
+    def stop(self) -> None:
+        """End the second participant, if there is one."""
+        if self._second is not None:
+            self._second.stop()
+            self._second = None
+
+    def find_deaf(self, now: Instant) -> Mapping[Domain, str]:
+        """Go on with comparing; the domains that turned out to be deaf, and to what."""
+        if self._second is None:
+            self._begin(now)
+        elif not self._second.listens:
+            second, self._second = self._second, None
+            return self._judge(self._domains[self._domain], second, now)
+        return {}
+
+    def _begin(self, now: Instant) -> None:
+        joined = self._listener.joined_at
+        self._domains = {each: self._domains.get(each) or _Compared() for each in joined}
+        for domain, known in self._domains.items():
+            if now.mono < joined[domain] + REST:
+                continue
+            if topics := _choose(known, set(self._state.silent_topics(domain)), now):
+                known.last, self._domain = now.mono, domain
+                self._start(topics)
+                return
+
+    def _start(self, topics: Collection[str]) -> None:
+        try:
+            self._second = Second(self._domain, topics, self._listener.ros_arguments)
+        except OSError as error:  # domains are joined all the same
+            log.warning("%s: no second participant was started: %s", place(self._domain), error)
+
+    def _judge(self, known: _Compared, second: Second, now: Instant) -> Mapping[Domain, str]:
+        domain, before = self._domain, known.missed
+        known.since = known.since if before else second.began
+        heard, known.missed = second.stop(), set()
+        if self._listener.joined_at.get(domain, inf) > known.since:
+            return {}  # it was joined anew meanwhile, or left
+        missed = heard - self._listener.received_since(domain, heard, known.since)
+        why = f"another process receives {_named(missed)}, and this one does not"
+        if missed and before:
+            return {domain: why}
+        known.missed = missed
+        if missed:  # so that their silence becomes no fault of a robot meanwhile
+            log.warning("%s: %s", place(domain), why)
+            self._state.domain_deaf(domain, missed, why, now)
+        elif before:
+            self._state.domain_joined(domain)
+        return {}
+
+
+def _choose(known: _Compared, silent: set[str], now: Instant) -> set[str]:
+    """The topics that are due; notes that they are compared now."""
+    if known.missed:
+        return known.missed if now.mono >= known.last + CONFIRM else set()
+    known.topics &= silent
+    rest = REST if silent - known.topics else known.rest
+    if not silent or now.mono < known.last + rest:
+        return set()
+    known.topics, known.rest = silent, min(2 * rest, LONGEST)
+    return set(random.sample(sorted(silent), min(TOPICS, len(silent))))
+
+
+def _named(topics: set[str]) -> str:
+    more = len(topics) - 1
+    return min(topics, default="") + (f" and {more} more" if more > 0 else "")

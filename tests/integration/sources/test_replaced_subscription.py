@@ -1,0 +1,45 @@
+"""A subscription that is replaced, for its memory or the depth of its queue, loses no message."""
+
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.sources import pools, reception
+from support.ros_publisher import repeating
+from testbed.polling import until
+
+pytestmark = pytest.mark.integration
+
+TOPIC = "/r/diagnostics"
+REPLACED = 4  # times
+PERIOD, BURST = 0.03, 50  # seconds between two messages, and messages between two pauses as long
+
+
+@pytest.mark.parametrize("reliable", [True, False])
+def test_each_message_is_received_once(ros_domain, robots, run_exporter, monkeypatch, reliable):
+    monkeypatch.setattr(reception, "OVERLAP", 1.0)
+    monkeypatch.setattr(pools, "LARGE", 1)
+    monkeypatch.setattr(pools, "PAUSE", 0.9 * PERIOD * BURST)  # some messages come just after it
+    robot = Robot("r", ros_domain, topic_raw=TOPIC, source=Source.RAW)
+    running = run_exporter(Fleet("f", (robot,)))
+    domain = running.service.listener._domains[ros_domain]
+    opened, sent = [], []
+    open_one = domain.open
+    monkeypatch.setattr(domain, "open", lambda *wanted: opened.append(1) or open_one(*wanted))
+    robots.offer(TOPIC, reliable=reliable)
+    robots.wait_for_listeners()
+
+    def send(turn: int) -> None:
+        if turn // BURST % 2 == 0:
+            sent.append(turn)
+            robots.send(TOPIC, Status(0, "Motor", f"{turn}"))
+
+    with repeating(send, PERIOD):
+        until(lambda: len(opened) > REPLACED, "it is replaced some times", 60)
+    until(
+        lambda: running.sample("robot_messages_total", robot="r") >= len(sent),
+        lambda: f"{running.sample('robot_messages_total', robot='r')} of {len(sent)}",
+    )
+    assert running.sample("robot_messages_total", robot="r") == len(sent)
