@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.decode.goals import Goal
+from ros_diagnostics_exporter.decode.goals import Goal, decode_goals
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import MISSIONS, Row
 from ros_diagnostics_exporter.fleet.discovery import end_of_topic
@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.model import (
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.graph import GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
@@ -244,6 +245,15 @@ class WatchedFleet(ABC):
                 self._with_missions().see(robot, server.action, goals, now)
                 self._follow(robot, now)
 
+    def _receive_list(self, domain_id: Domain, topic: str, data: bytes, now: Instant) -> None:
+        """Take a list of goals as its server sent it."""
+        try:
+            goals = decode_goals(data)
+        except ValueError as error:
+            log.debug("%s: undecodable: %s", topic, error)
+            return
+        self.receive_goals(domain_id, topic, goals, now)
+
     def _with_missions(self) -> FleetMissions:
         if self._missions is None:
             self._missions = FleetMissions(self._events, self._faults)
@@ -294,6 +304,9 @@ class WatchedFleet(ABC):
         Returns until when, monotonic, no other message of it is read.
         """
         self.record_watched(domain_id, topic, kind, data, now)
+        if kind == GOALS_TYPE:
+            self._receive_list(domain_id, topic, data, now)
+            return now.mono
         with self._watching:
             found = self._watch.see_fields(domain_id, topic, kind, data, now)
             due = self._watch.due(domain_id, topic)
@@ -319,6 +332,7 @@ class WatchedFleet(ABC):
             self._watch.follow(domain_id, (each.settings for each in robots), now)
             wanted = self._watch.wanted(domain_id, types, now)
             reports = list(self._watch.reports(domain_id, now))
+        self._follow_servers(now)
         for report in reports:
             self._receive_report(report, now)
         return wanted
@@ -339,6 +353,7 @@ class WatchedFleet(ABC):
         profiles = [each.profile for each in self.fleet.robots if each.domain_id == domain_id]
         profiles += [each.profile for each in found]
         names = {entry.topic for profile in profiles for entry in profile.topics}
+        names |= {STATUS for profile in profiles if profile.actions}
         return frozenset(names | {end for each in found if (end := end_of_topic(each))})
 
     def define(self, kind: str, text: str) -> None:

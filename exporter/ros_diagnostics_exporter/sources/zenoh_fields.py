@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.model import ZENOH, Instant
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
@@ -81,10 +82,11 @@ class ZenohFields:
             self._due[name] = now.mono + REFUSED_FOR
 
     def _take(self, name: str, followed: _Followed, now: Instant) -> None:
-        latest = None
+        latest, kind = None, followed.offer.kind
         while (sample := followed.take()) is not None:
             latest = sample.payload.to_bytes()
             self._bytes.add(name, len(latest))
-        if latest is not None:
-            kind = followed.offer.kind
+            if kind == GOALS_TYPE:  # each says what the one before does not
+                self._receiver.receive_fields(ZENOH, name, kind, latest, now)
+        if latest is not None and kind != GOALS_TYPE:
             self._due[name] = self._receiver.receive_fields(ZENOH, name, kind, latest, now)

@@ -1,4 +1,4 @@
-"""Messages of small topics in a recording, of which fleet.yml's `topics` make components."""
+"""Messages of small topics in a recording: fields that `topics` asks for, goals of `actions`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Iterable
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Domain, Instant, Topic
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_tools.backtest.formats import Fields
 
 
 def asked_names(fleets: Iterable[Fleet]) -> frozenset[str]:
     """The topics that entries name, as they are in fleet.yml: mostly in a robot's namespace."""
     profiles = [profile for fleet in fleets for profile in fleet.profiles.values()]
-    return frozenset(entry.topic for profile in profiles for entry in profile.topics)
+    names = {entry.topic for profile in profiles for entry in profile.topics}
+    return frozenset(names | {STATUS for profile in profiles if profile.actions})
 
 
 def is_asked(topic: str, names: frozenset[str]) -> bool:
@@ -54,7 +56,9 @@ class SmallTopics:
             kinds[topic.name] = [message.kind]
             self.look(state, now)
         is_wanted = topic.name in self._wanted[topic.domain_id]
-        if is_wanted:
+        if is_wanted and message.kind == GOALS_TYPE:  # each says what the one before does not
+            state.receive_fields(*topic, message.kind, message.data, now)
+        elif is_wanted:
             self._waiting[topic] = message
             self.deliver(state, now)
         return is_wanted
