@@ -1,0 +1,103 @@
+"""How goals are subscribed and taken of rclpy, with a node that stands in for DDS."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from unique_identifier_msgs.msg import UUID
+
+from ros_diagnostics_exporter.decode.goals import Goal
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
+
+TOPIC = f"/r/dock_robot{STATUS}"
+WALL = 1_700_000_000.0
+LIST = serialize_message(
+    GoalStatusArray(status_list=[GoalStatus(goal_info=GoalInfo(goal_id=UUID(uuid=[7] * 16)))])
+)
+
+
+class Node:
+    """What the watcher asks of a node; ``waiting`` are messages with when they were received."""
+
+    def __init__(self) -> None:
+        self.subscribed = []
+        self.waiting: list[tuple[bytes, float | None]] = []
+        self.handle = SimpleNamespace(take_message=self._take)
+
+    def create_subscription(self, kind, name, _callback, profile, **how) -> Node:
+        self.subscribed.append((kind, name, profile, how["raw"]))
+        return self
+
+    def _take(self, _kind, raw):
+        assert raw
+        if not self.waiting:
+            return None
+        data, received = self.waiting.pop(0)
+        return data, {"received_timestamp": received and round(received * 1e9)}
+
+
+class Receiver:
+    """Keeps the goals that are received."""
+
+    def __init__(self) -> None:
+        self.received: list[tuple[str, tuple[Goal, ...], Instant]] = []
+
+    def watched_topics(self, *_arguments):
+        return {TOPIC: GOALS_TYPE}
+
+    def record_watched(self, *_arguments) -> None:
+        """Record nothing."""
+
+    def note_watched(self, *_arguments) -> None:
+        """Give nothing up."""
+
+    def receive_goals(self, _domain, topic, goals, now) -> None:
+        self.received.append((topic, goals, now))
+
+
+@pytest.fixture
+def watched():
+    """A watcher that has looked once, its node and its receiver."""
+    node, receiver = Node(), Receiver()
+    watcher = Watcher(0, receiver)
+    list(watcher.look(node, {}, Instant(10.0, WALL)))
+    return SimpleNamespace(watcher=watcher, node=node, received=receiver.received)
+
+
+def test_the_list_that_a_server_keeps_is_asked_for(watched):
+    ((kind, name, profile, raw),) = watched.node.subscribed
+
+    assert (kind, name, raw, profile.depth) == (GoalStatusArray, TOPIC, True, GOALS_DEPTH)
+    assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+@pytest.mark.parametrize(
+    ("received", "mono"),
+    [
+        (WALL + 0.25, 10.25),
+        (WALL + 1.5, 11.0),  # while it was taken
+        (WALL - 3600.0, 10.0),  # the clock was set: not before the look before
+        (None, 11.0),
+    ],
+)
+def test_a_list_was_received_when_the_middleware_says_between_two_looks(watched, received, mono):
+    watched.node.waiting = [(LIST, received)]
+    list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
+
+    ((topic, goals, now),) = watched.received
+    assert (topic, goals) == (TOPIC, (Goal(bytes([7]) * 16, 0.0, 0),))
+    assert now.mono == pytest.approx(mono, abs=1e-3)
+
+
+def test_of_several_lists_all_are_taken_and_bytes_that_are_none_are_left_out(watched):
+    watched.node.waiting = [(LIST, None), (b"\0\1\0\0", None), (LIST, None)]
+    list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
+
+    assert len(watched.received) == 2
