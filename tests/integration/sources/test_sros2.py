@@ -29,7 +29,7 @@ PERMISSIONS = CHECKOUT / "tests/data/sros2/permissions.xml"
 READ = (
     *("rt/r/diagnostics", "rt/hall/r_2/diagnostics_agg", "rt/diagnostics"),
     *("rt/rosout", "rt/parameter_events", "rt/r/amcl/transition_event", "rt/r/battery_state"),
-    "rt/battery_state",
+    *("rt/r/dock_robot/_action/status", "rt/battery_state"),
 )
 OTHERS = ("rt/cmd_vel", "rt/r/cmd_vel", "rt/r/scan", "rq/r/amcl/set_parametersRequest")
 DISCOVERY = "ros_discovery_info"
