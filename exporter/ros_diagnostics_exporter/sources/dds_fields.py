@@ -108,8 +108,9 @@ def _profile(offers: Any) -> QoSProfile:
     """What all publishers match: of what they keep for late joiners the last is sent at once."""
     profiles = [each.qos_profile for each in offers]
     kept = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
     # Else the next message has all that a lost one had.
-    reliability = ReliabilityPolicy.RELIABLE if kept else ReliabilityPolicy.BEST_EFFORT
+    reliability = ReliabilityPolicy.RELIABLE if kept and reliable else ReliabilityPolicy.BEST_EFFORT
     durability = DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=reliability, durability=durability)
 

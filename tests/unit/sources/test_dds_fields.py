@@ -18,8 +18,12 @@ BOOL = "std_msgs/msg/Bool"
 TOPIC = "/r/e_stop"
 
 
-def offer(durability=DurabilityPolicy.VOLATILE, type_hash="RIHS01_1"):
-    profile = QoSProfile(depth=1, durability=durability)
+def offer(
+    durability=DurabilityPolicy.VOLATILE,
+    type_hash="RIHS01_1",
+    reliability=ReliabilityPolicy.RELIABLE,
+):
+    profile = QoSProfile(depth=1, durability=durability, reliability=reliability)
     return SimpleNamespace(qos_profile=profile, topic_type_hash=type_hash)
 
 
@@ -80,6 +84,14 @@ def test_a_topic_is_subscribed_as_all_its_publishers_offer_it(
     assert (kind, name, profile.depth) == (Bool, TOPIC, 1)
     assert (profile.reliability, profile.durability) == (reliability, durability)
     assert site.receiver.offered.call_args.args[:4] == (0, TOPIC, BOOL, "RIHS01_1")
+
+
+def test_what_is_kept_and_not_sent_reliably_is_taken_as_it_is_offered(site):
+    best_effort = {"reliability": ReliabilityPolicy.BEST_EFFORT}
+    site.offer(offer(DurabilityPolicy.TRANSIENT_LOCAL, **best_effort))
+    site.look(0.0)
+    profile = site.node.create_subscription.call_args.args[3]
+    assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
 def test_a_topic_is_taken_when_it_is_due_and_what_was_missed_is_counted(site):
