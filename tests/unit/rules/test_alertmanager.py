@@ -501,6 +501,19 @@ def test_all_mails_about_one_component_are_one_thread(render):
     assert threads == {"<f.r1.Motor+1@ros-diagnostics>"}
 
 
+def test_a_site_whose_alertmanager_has_no_pages_leaves_the_link_out(render, part, tmp_path):
+    templates = tmp_path / "templates"
+    shutil.copytree(ALERTMANAGER / "templates", templates)
+    site = templates / "site.tmpl"
+    link = re.compile(r'^({{ define "site.silence.\w+" }}).*?{{ end }}$', re.DOTALL | re.MULTILINE)
+    site.write_text(link.sub(r'\1{{ "" }}{{ end }}', site.read_text()))
+
+    assert "silences/new" in render(f"email.{part}", data("firing", CRITICAL))
+    mail = render(f"email.{part}", data("firing", CRITICAL), templates)
+    assert "silence" not in mail.lower()
+    assert "ros-diagnostics ack" in mail
+
+
 def test_the_mail_about_an_uplink_says_what_to_check(render, part):
     labels = {**CRITICAL, "fault": "f0", "robot": "ap-1", "component": "uplink"}
     evidence = "it does not answer;\nrobots behind it: robot_3, robot_4"
