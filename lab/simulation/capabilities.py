@@ -96,6 +96,9 @@ class Capabilities:
         if now - since < 3 * LATE or any(part.stale for part in known.parts.values()):
             return  # what is not received since keeps a capability as it was
         for name in CAN:
+            parts = [known.parts[each] for each in leaves(name) & known.parts.keys()]
+            if any(_was_late(part, now) for part in parts):
+                continue  # how good it is was not known, and what is not known explains nothing
             state, bad = judge(name, lambda each: _state(known.parts.get(each)))
             place = event.robot, name
             both = self._standing.get(place, set()) & lasting.get(place, set())
@@ -188,6 +191,12 @@ class Capabilities:
         return any(
             part.stale or now - part.received > LATE or _changed_since(part, now) for part in parts
         )
+
+
+def _was_late(part: Part, now: float) -> bool:
+    """Whether a component is not received in time, or was not before this tick."""
+    known = [part, *(part.before if part.touched == now else ())]
+    return any(now - each.received > LATE for each in known)
 
 
 def _changed_since(part: Part, now: float) -> bool:

@@ -49,11 +49,14 @@ class LargerCauses:
     def began(self, begun: list[Event], faults: Mapping[tuple[str, ...], Event]) -> Iterator[Wrong]:
         """What is wrong with the faults that began in this tick; ``faults`` are those that last."""
         lasting = set(map(_place, faults.values()))
+        mild = {_place(each) for each in faults.values() if each.severity == "warning"}
         now = _End(self._world.now.mono, self._world.offset)
         self._ended.update(dict.fromkeys(self._standing - lasting, now))
         for event in begun:
             for place in _explained_by(event):
-                if place in self._standing & lasting:
+                # Many that are a warning say less than one that is critical.
+                says_less = place[0] == "many" and place in mild and event.severity == "critical"
+                if place in self._standing & lasting and not says_less:
                     yield "a fault began that a larger one explains", (event, place)
                 elif self._just_over(place, self._world.mono(event.time)):
                     yield "a fault began just after the end of a larger one", (event, place)

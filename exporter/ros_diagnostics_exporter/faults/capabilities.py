@@ -285,8 +285,10 @@ def _take_verdict(
         book.write(capability)
     if problem is None:
         return
-    if verdict >= Verdict.ABSENT:
-        problem.clock = max(due, problem.since.mono)
+    clock = max(due, problem.since.mono)
+    if verdict >= Verdict.ABSENT and problem.clock != clock:
+        problem.clock = clock
+        book.write(problem)  # with the same verdict, too: a restart is not to judge it sooner
     book.give_verdict(problem, verdict)
 
 
