@@ -14,7 +14,6 @@ import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
-from struct import pack
 
 import rclpy
 from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
@@ -31,13 +30,13 @@ from ros_diagnostics_exporter.decode.goals import (
     EXECUTING,
     SUCCEEDED,
     Goal,
-    decode_goals,
 )
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
+from support.goal_lists import encode_goals
 from testbed import domains
 from testbed.polling import until
 
@@ -89,7 +88,7 @@ class InMemory:
             lists = [*self._lists(second)]
             making += time.thread_time() - made
             for topic_name, data in lists:
-                self.state.receive_goals(0, topic_name, decode_goals(data), now)
+                self.state.receive_goals(0, topic_name, data, now)
             for _ in range(4):
                 self.state.tick(now)
             self.state.take_fault_rows(now)
@@ -112,16 +111,7 @@ class InMemory:
             else:
                 kept = (*kept[:-1], kept[-1]._replace(status=status)) if kept else ()
             self._goals[topic] = kept
-            yield topic, serialized(kept)
-
-
-def serialized(goals: tuple[Goal, ...]) -> bytes:
-    """The goals as a server sends them."""
-    parts = [b"\0\1\0\0", pack("<I", len(goals))]
-    for index, each in enumerate(goals):
-        parts.append(each.id if index == 0 else each.id + b"\0\0\0")
-        parts.append(pack("<iIb", int(each.stamp), 0, each.status))
-    return b"".join(parts)
+            yield topic, encode_goals(kept)
 
 
 def megabytes(robots: int, actions: int) -> float:

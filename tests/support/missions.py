@@ -9,6 +9,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import EXECUTING, Goal
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from support.goal_lists import encode_goals
 from support.state_driver import LASER, OK, SETTLED, StateDriver
 
 DOCK, GOTO, SPIN = "dock_robot", "navigate_to_pose", "spin"
@@ -60,7 +61,7 @@ class Mission:
 
     def send(self, action: str) -> None:
         state, now = self.driver.state, self.driver.now
-        state.receive_goals(0, topic(action), tuple(self.goals.get(action, ())), now)
+        state.receive_goals(0, topic(action), encode_goals(self.goals.get(action, ())), now)
 
     def begin(self, action: str) -> None:
         self.number += 1

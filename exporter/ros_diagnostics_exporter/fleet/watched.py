@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.decode.goals import Goal, decode_goals
+from ros_diagnostics_exporter.decode.goals import decode_goals
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import MISSIONS, Row
 from ros_diagnostics_exporter.fleet.discovery import end_of_topic
@@ -233,10 +233,13 @@ class WatchedFleet(ABC):
         with self._watching:
             self._watch.see_message(domain_id, topic, message, now)
 
-    def receive_goals(
-        self, domain_id: Domain, topic: str, goals: tuple[Goal, ...], now: Instant
-    ) -> None:
-        """Take the goals of an action server, by the topic of their status."""
+    def receive_goals(self, domain_id: Domain, topic: str, data: bytes, now: Instant) -> None:
+        """Take a list of goals as its action server sent it."""
+        try:
+            goals = decode_goals(data)
+        except ValueError as error:
+            log.debug("%s: undecodable: %s", topic, error)
+            return
         with self._watching:
             server = self._watch.servers.find(domain_id, topic)
         with self._lock:
@@ -244,15 +247,6 @@ class WatchedFleet(ABC):
             if server is not None and robot is not None:
                 self._with_missions().see(robot, server.action, goals, now)
                 self._follow(robot, now)
-
-    def _receive_list(self, domain_id: Domain, topic: str, data: bytes, now: Instant) -> None:
-        """Take a list of goals as its server sent it."""
-        try:
-            goals = decode_goals(data)
-        except ValueError as error:
-            log.debug("%s: undecodable: %s", topic, error)
-            return
-        self.receive_goals(domain_id, topic, goals, now)
 
     def _with_missions(self) -> FleetMissions:
         if self._missions is None:
@@ -305,7 +299,7 @@ class WatchedFleet(ABC):
         """
         self.record_watched(domain_id, topic, kind, data, now)
         if kind == GOALS_TYPE:
-            self._receive_list(domain_id, topic, data, now)
+            self.receive_goals(domain_id, topic, data, now)
             return now.mono
         with self._watching:
             found = self._watch.see_fields(domain_id, topic, kind, data, now)

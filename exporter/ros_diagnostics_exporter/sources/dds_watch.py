@@ -18,7 +18,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
-from ros_diagnostics_exporter.decode.goals import decode_goals
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
@@ -85,7 +84,8 @@ class Watcher:
             self._bytes.add(name, len(data))
             self._receiver.record_watched(self._domain, name, kind, data, now)
             if kind == GOALS_TYPE:
-                self._receive_goals(name, data, self._received(taken[1], now))
+                received = self._received(taken[1], now)
+                self._receiver.receive_goals(self._domain, name, data, received)
             elif kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
 
@@ -96,14 +96,6 @@ class Watcher:
             log.debug("%s: undecodable: %s", name, error)
             return
         self._receiver.receive_watched(self._domain, name, message, now)
-
-    def _receive_goals(self, name: str, data: bytes, now: Instant) -> None:
-        try:
-            goals = decode_goals(data)
-        except ValueError as error:
-            log.debug("%s: undecodable: %s", name, error)
-            return
-        self._receiver.receive_goals(self._domain, name, goals, now)
 
     def _received(self, info: Mapping[str, int | None], now: Instant) -> Instant:
         """When a message was, which the middleware knows: between the last look and this one."""

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
@@ -79,10 +78,8 @@ class Receiver(Protocol):
     ) -> float:
         """Take a message of a topic whose fields are asked for; until when (monotonic) no other."""
 
-    def receive_goals(
-        self, domain: Domain, topic: str, goals: tuple[Goal, ...], now: Instant
-    ) -> None:
-        """Take the goals of an action server, by the topic of their status."""
+    def receive_goals(self, domain: Domain, topic: str, data: bytes, now: Instant) -> None:
+        """Take a list of goals as its action server sent it."""
 
     def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
         """Take how many bytes per second such topics were in the last minute."""

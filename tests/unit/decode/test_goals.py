@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.decode.goals import (
     Goal,
     decode_goals,
 )
+from support.goal_lists import encode_goals
 
 goals = st.lists(
     st.builds(
@@ -51,7 +52,7 @@ def encoded(sent) -> bytes:
 
 @given(goals)
 def test_what_ros_serialized_is_decoded(sent):
-    assert decode_goals(encoded(sent)) == tuple(sent)
+    assert decode_goals(encoded(sent)) == decode_goals(encode_goals(sent)) == tuple(sent)
 
 
 @given(goals.filter(len), st.data())

@@ -10,6 +10,7 @@ from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED,
 from ros_diagnostics_exporter.model import Stream, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
+from support.goal_lists import encode_goals
 from support.missions import DOCK, FLEET, GOTO, MODES, SPIN, Mission, drive, topic
 from support.state_driver import ERROR, LASER, OK, SETTLED, WARN, StateDriver
 
@@ -128,6 +129,13 @@ def test_an_aborted_goal_is_recorded_with_what_was_wrong_at_that_moment(mission)
     assert first.message == "while Laser 1 was CRITICAL"
     assert first.details == {"problems": [{"about": "Laser 1", "state": "CRITICAL"}]}
     assert (second.message, second.details) == ("nothing else was wrong", None)
+
+
+def test_bytes_that_are_no_list_of_goals_are_left_out(mission):
+    mission.begin(GOTO)
+    mission.driver.state.receive_goals(0, topic(GOTO), b"\0\1\0\0\7", mission.driver.now)
+
+    assert mission.driver.sample("goals_running", action=GOTO) == 1
 
 
 def test_goals_that_are_no_mission_and_all_beyond_ten_a_minute_are_only_counted(mission):
@@ -318,7 +326,7 @@ def test_goals_of_one_action_that_fail_on_many_robots_are_one_fault(tmp_path):
     stand(int(SETTLED))
     for goals in ((), (Goal(b"0" * 16, 1.0, EXECUTING),), (Goal(b"0" * 16, 1.0, ABORTED),)):
         for each in topics:
-            driver.state.receive_goals(0, each, goals, driver.now)
+            driver.state.receive_goals(0, each, encode_goals(goals), driver.now)
         stand(1)
     stand(30)
 

@@ -5,21 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
+from action_msgs.msg import GoalStatusArray
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from rclpy.serialization import serialize_message
-from unique_identifier_msgs.msg import UUID
 
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
+from support.goal_lists import encode_goals
 
 TOPIC = f"/r/dock_robot{STATUS}"
 WALL = 1_700_000_000.0
-LIST = serialize_message(
-    GoalStatusArray(status_list=[GoalStatus(goal_info=GoalInfo(goal_id=UUID(uuid=[7] * 16)))])
-)
+LIST = encode_goals([Goal(bytes([7]) * 16, 5.0, 2)])
 
 
 class Node:
@@ -46,7 +43,7 @@ class Receiver:
     """Keeps the goals that are received."""
 
     def __init__(self) -> None:
-        self.received: list[tuple[str, tuple[Goal, ...], Instant]] = []
+        self.received: list[tuple[str, bytes, Instant]] = []
 
     def watched_topics(self, *_arguments):
         return {TOPIC: GOALS_TYPE}
@@ -57,8 +54,8 @@ class Receiver:
     def note_watched(self, *_arguments) -> None:
         """Give nothing up."""
 
-    def receive_goals(self, _domain, topic, goals, now) -> None:
-        self.received.append((topic, goals, now))
+    def receive_goals(self, _domain, topic, data, now) -> None:
+        self.received.append((topic, data, now))
 
 
 @pytest.fixture
@@ -91,13 +88,13 @@ def test_a_list_was_received_when_the_middleware_says_between_two_looks(watched,
     watched.node.waiting = [(LIST, received)]
     list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
 
-    ((topic, goals, now),) = watched.received
-    assert (topic, goals) == (TOPIC, (Goal(bytes([7]) * 16, 0.0, 0),))
+    ((topic, data, now),) = watched.received
+    assert (topic, data) == (TOPIC, LIST)
     assert now.mono == pytest.approx(mono, abs=1e-3)
 
 
-def test_of_several_lists_all_are_taken_and_bytes_that_are_none_are_left_out(watched):
-    watched.node.waiting = [(LIST, None), (b"\0\1\0\0", None), (LIST, None)]
+def test_of_several_lists_all_are_taken(watched):
+    watched.node.waiting = [(LIST, None), (LIST, None)]
     list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
 
     assert len(watched.received) == 2
