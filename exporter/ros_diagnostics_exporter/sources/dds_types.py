@@ -14,6 +14,12 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import String
 
 _MIDDLEWARE, _SUPPORT = "rmw_fastrtps_cpp", b"rosidl_typesupport_fastrtps_c"
+_CONVERTERS = (
+    "_CREATE_ROS_MESSAGE",
+    "_CONVERT_FROM_PY",
+    "_CONVERT_TO_PY",
+    "_DESTROY_ROS_MESSAGE",
+)
 _CAPSULE = b"rosidl_message_type_support"
 
 
@@ -43,7 +49,7 @@ class _Support(ctypes.Structure):  # rosidl_message_type_support_t
     )
 
 
-_Find = ctypes.CFUNCTYPE(ctypes.POINTER(_Support), ctypes.c_void_p, ctypes.c_char_p)
+_Find = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
 _NO_HASH = _Hash()
 _get_no_hash = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(
     lambda _support: ctypes.addressof(_NO_HASH)
@@ -64,14 +70,38 @@ def borrowed_type(kind: str) -> Any:
     known = _support_of(String)
     functions = known.callbacks.contents.functions
     callbacks = _Callbacks(f"{package}::msg".encode(), name.encode(), functions)
-    support = _Support(_SUPPORT, ctypes.pointer(callbacks), known.find)
+    support = _Support(_SUPPORT, ctypes.pointer(callbacks))
+    find = _finder(support, _dispatcher(String))
+    support.find = ctypes.cast(find, ctypes.c_void_p).value
     support.hash = ctypes.cast(_get_no_hash, ctypes.c_void_p).value
-    kept = {"_TYPE_SUPPORT": _capsule(support), "_kept": (support, callbacks)}
-    return type(f"Type{name}", (type,), kept)(name, (), {})
+    support.description = known.description
+    kept = {"_TYPE_SUPPORT": _capsule(support), "_kept": (support, callbacks, find)}
+    # What rclpy asks whether it is there, and calls for messages that are no bytes.
+    borrowed = {each: getattr(type(String), each) for each in _CONVERTERS}
+    return type(f"Type{name}", (type,), {**borrowed, **kept})(name, (), {})
+
+
+def _finder(support: _Support, other: int) -> Any:
+    """What gives the middleware the support, and all else that it asks for of another type's."""
+    find_other = _Find(_Support.from_address(other).find)
+
+    def find(_support: int, name: bytes) -> int:
+        if name == _SUPPORT:
+            return ctypes.addressof(support)
+        return int(find_other(other, name) or 0)
+
+    return _Find(find)
 
 
 def _support_of(python_type: Any) -> Any:
     """What the middleware is given of a type that is installed."""
+    address = _dispatcher(python_type)
+    found = _Find(_Support.from_address(address).find)(address, _SUPPORT)
+    return _Support.from_address(found)
+
+
+def _dispatcher(python_type: Any) -> int:
+    """The address of what finds the support of a type for each middleware."""
     meta = type(python_type)
     if meta._TYPE_SUPPORT is None:  # noqa: SLF001 - of rosidl's generated classes
         meta.__import_type_support__()
@@ -80,9 +110,7 @@ def _support_of(python_type: Any) -> Any:
     name = ctypes.pythonapi.PyCapsule_GetName
     name.restype, name.argtypes = ctypes.c_char_p, (ctypes.py_object,)
     capsule = meta._TYPE_SUPPORT  # noqa: SLF001
-    address = get(capsule, name(capsule))
-    find = _Find(_Support.from_address(address).find)
-    return find(address, _SUPPORT).contents
+    return int(get(capsule, name(capsule)))
 
 
 def _capsule(support: _Support) -> Any:
