@@ -1,4 +1,4 @@
-"""What nodes log, and say of their life cycle, parameters and batteries, over real DDS."""
+"""What nodes log, and say of their life cycle, parameters and a battery, over real DDS."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph, Watched
+from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
@@ -27,7 +28,13 @@ ALL = Watched(
     log_faults=(re.compile(".*overrun.*"),),
     transitions=True,
     parameters=True,
-    batteries=True,
+)
+BATTERY = TopicEntry(
+    topic="battery_state",
+    component="Battery",
+    field="power_supply_health",
+    fields={"percentage": "percentage", "voltage": "voltage (V)", "current": "current"},
+    levels={"good": 0},
 )
 OK, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
 NODE = """
@@ -95,11 +102,13 @@ def test_what_the_config_names_is_received_and_nothing_else(
     robots, run_exporter, start_process, dds_environment, monkeypatch
 ):
     domain_id = int(dds_environment["ROS_DOMAIN_ID"])
-    profile = Profile(confirm_after=5.0, graph=Graph(mode="on", watch=ALL))
+    profile = Profile(confirm_after=5.0, graph=Graph(mode="on", watch=ALL), topics=(BATTERY,))
     robot = Robot("r", domain_id, profile=profile, namespace="/r", source=Source.RAW)
     running = run_exporter(Fleet("f", (replace(robot, topic_raw="/r/diagnostics"),)))
     state = running.service.state
-    recordings = FaultRecordings(running.folder, running.folder / "fleet.yml", state.topics_of)
+    recordings = FaultRecordings(
+        running.folder, running.folder / "fleet.yml", state.topics_of, definition=state.definition
+    )
     state.recorder = recordings.rings.receive
     robots.offer("/r/diagnostics")
     start_process("amcl", [sys.executable, "-c", NODE], dds_environment)
@@ -113,7 +122,7 @@ def test_what_the_config_names_is_received_and_nothing_else(
         return {each.identity.component: each.evidence for each in found}
 
     with repeating(lambda _turn: robots.send("/r/diagnostics", *motor), 0.2):
-        of_graph = {"log amcl", "lifecycle amcl", "battery_state"}
+        of_graph = {"log amcl", "lifecycle amcl", "Battery"}
         until(lambda: faults().keys() == of_graph, lambda: f"{faults()}", 60)
         motor[:] = [HOT]
         until(lambda: "Motor" in faults(), lambda: f"{faults()}", 60)
@@ -121,15 +130,11 @@ def test_what_the_config_names_is_received_and_nothing_else(
     assert "logged: amcl: Sensor overrun" in found["Motor"]
     assert "Nothing of interest" not in f"{found}"
     assert "fell to unconfigured after an error" in found["lifecycle amcl"]
-    assert "health: overheat" in found["battery_state"]
+    assert "power_supply_health is OVERHEAT; no value: current" in found["Battery"]
     values = running.samples("component_value")
     assert {(dict(each)["key"], dict(each)["unit"]): value for each, value in values.items()} == {
-        ("percentage", "%"): 62.5,
-        ("voltage", "V"): 24.5,
-        ("temperature", "degC"): 0,
-        ("charge", "Ah"): 0,
-        ("capacity", "Ah"): 0,
-        ("present", ""): 1,
+        ("percentage", ""): 0.625,
+        ("voltage (V)", "V"): 24.5,
     }
     assert events["parameter max_range of amcl is now 10.0"]
     assert recorded(recordings, running.folder) >= {

@@ -150,7 +150,7 @@ def test_a_type_that_is_not_installed_is_borrowed_or_named(site, monkeypatch):
     site.offer(offer())
     site.look(0.0, {TOPIC: "mir_msgs/msg/State"})
     kind = site.node.create_subscription.call_args.args[0]
-    support, callbacks = type(kind)._kept
+    support, callbacks, _find = type(kind)._kept
     assert (callbacks.message_namespace, callbacks.message_name) == (b"mir_msgs::msg", b"State")
     assert support.identifier == b"rosidl_typesupport_fastrtps_c"
 
