@@ -70,7 +70,7 @@ def test_its_battery_and_its_log_are_mails_and_recoveries_and_so_is_its_silence(
 
     wait_for("PROBLEM", "amr_1", "Battery")
     wait_for("PROBLEM", "amr_1", "log driver")
-    assert not any("nothing was ever received" in f"{each}" for each in site.inbox.mails)
+    assert not any("nothing was ever received" in f"{each}" for each in site.inbox.mails())
     replace(charge, "0.8")
     wait_for("RECOVERY", "amr_1", "Battery")
     wait_for("RECOVERY", "amr_1", "log driver")
