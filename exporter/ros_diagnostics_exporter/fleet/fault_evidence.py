@@ -227,9 +227,9 @@ def _lines(fields: Fields) -> Iterator[str]:
     if "silent_reason" in fields:
         yield SILENT[fields["silent_reason"]]
     yield from map(_part_line, fields.get("parts", ()))
-    yield _list_line("robots", fields, "robots", str)
-    yield _list_line("robots behind it", fields, "behind", str)
-    yield _list_line("components", fields, "components", _component_text)
+    yield _list_line("robots", fields, "robots", str, is_counted=True)
+    yield _list_line("robots behind it", fields, "behind", str, is_counted=True)
+    yield _list_line("components", fields, "components", _component_text, is_counted=True)
     yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
     yield _list_line("logged", fields, "logged", str)
     yield _list_line("also faulty", fields, "also_faulty", _component_text)
@@ -260,12 +260,17 @@ def _part_line(part: Fields) -> str:
     return ": ".join(filter(None, (name, part.get("key"), part.get("message"))))
 
 
-def _list_line(words: str, fields: Fields, name: str, text: Callable[[Any], str]) -> str:
+def _list_line(
+    words: str, fields: Fields, name: str, text: Callable[[Any], str], *, is_counted: bool = False
+) -> str:
+    """The first few; with ``is_counted`` after their number, which a short text may end with."""
     if name not in fields:
         return ""
     more = fields.get(f"more_{name}", 0)
+    number = len(fields[name]) + more
+    counted = f"{number} " if is_counted and number > 1 else ""
     rest = f" and {more} more" if more else ""
-    return f"{words}: {', '.join(map(text, fields[name]))}{rest}"
+    return f"{counted}{words}: {', '.join(map(text, fields[name]))}{rest}"
 
 
 def _text(text: str) -> str:

@@ -173,7 +173,7 @@ def test_of_a_site_its_robots():
     assert driver.fault_names() == {("site", "silent", "hall"), ("robot", "silent", "q")}
     (fault,) = (each for each in driver.state.faults() if each.identity.site)
     assert fault.details == {"robots": ["r0", "r1", "r2", "r3", "r4"], "more_robots": 1}
-    assert fault.evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+    assert fault.evidence == "6 robots: r0, r1, r2, r3, r4 and 1 more"
 
 
 def test_of_a_clock_by_how_much_it_differs():

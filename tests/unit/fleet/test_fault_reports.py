@@ -822,7 +822,7 @@ def test_the_robots_whose_clocks_differ_are_the_evidence_against_the_exporters()
             array = Array(driver.now.wall - behind, (MOTOR,), 100)
             driver.state.receive(Topic(0, f"/{name}/diagnostics"), array, driver.now)
     (fault,) = driver.state.faults()
-    assert (fault.identity.scope.value, fault.evidence) == ("exporter", "robots: r1, r2")
+    assert (fault.identity.scope.value, fault.evidence) == ("exporter", "2 robots: r1, r2")
 
 
 def test_what_a_condition_suppresses_is_a_problem_and_an_event_as_it_changes():
