@@ -164,7 +164,7 @@ class WatchedFleet(ABC):
         Returns whether any robot there is watched.
         """
         robots = self._robots_of(domain_id)
-        shown = [robot for robot in robots if robot.is_shown_by_nodes]
+        shown = [robot for robot in robots if robot.is_shown_by_nodes(now)]
         with self._watching:
             self._watch.follow(domain_id, (each.settings for each in robots), now)
             self._watch.see_nodes(domain_id, nodes, now)
@@ -333,7 +333,7 @@ class WatchedFleet(ABC):
 
     def note_offered(self, domain_id: Domain, topics: Iterable[str], now: Instant) -> None:
         """Take the small topics that somebody publishes where nodes are not seen."""
-        shown = [each for each in self._robots_of(domain_id) if each.is_shown_by_nodes]
+        shown = [each for each in self._robots_of(domain_id) if each.is_shown_by_nodes(now)]
         with self._watching:
             self._watch.see_offered(domain_id, topics)
             present = self._watch.present(domain_id)

@@ -53,6 +53,7 @@ log = logging.getLogger(__name__)
 # Statuses of an array that are read, for each component that a robot may have: an aggregator lists
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
+SEEN_AGAIN = 2.0  # seconds after which a robot that nothing was received of is looked for
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 FLEETING = 60.0  # seconds for which a newcomer has to be received until its silence is a fault
 FLEETING_KEPT = 600.0  # ... and for which one is kept that was received for less
@@ -231,12 +232,15 @@ class RobotState:
         names = {each.component for each in self.settings.profile.topics}
         self._fields.apply([each for each in statuses if each.name in names], now)
 
-    @property
-    def is_shown_by_nodes(self) -> bool:
-        """Whether it is up, too, while any of its nodes is in the ROS graph.
+    def is_shown_by_nodes(self, now: Instant) -> bool:
+        """Whether it is up, too, if any of its nodes is in the ROS graph.
 
         That is so of a robot of which no diagnostics came yet, where fleet.yml asks for more.
+        While it is received by its topics nobody has to look.
         """
+        last, fresh = self.last_mono or 0.0, self.settings.profile.stale_after / 4
+        if self.up and now.mono - last < min(fresh, SEEN_AGAIN):
+            return False
         source, profile = self.settings.source, self.settings.profile
         asks = source is config.Source.NONE or profile.topics or profile.graph.watch.asks
         if not asks or self.messages or source is config.Source.QUERIES:
