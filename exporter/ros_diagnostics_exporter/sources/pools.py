@@ -14,8 +14,8 @@ LARGE = 256 << 10  # bytes of a message whose memory matters
 BUDGET = 64 << 20  # bytes that the middleware may hold of all topics of a domain
 MOST = 20  # topics that are subscribed anew in one turn, which costs others their time
 PAUSE = 10.0  # seconds without a message after which a topic has paused
-# ... where all together hold too much. One that is being received would soon hold as much again.
-SHORT_PAUSE = 1.0
+# ... where all together hold too much; one that sends more often would soon hold as much again.
+SHORT_PAUSE = 0.5
 
 
 @dataclass(slots=True)

@@ -54,6 +54,7 @@ class Content:
     decoder: Decoder = field(default_factory=Decoder)
     received_at: float = 0.0  # when bytes were last taken, monotonic
     link: Link = field(default_factory=Link)
+    too_large: bool = False  # the last message
 
 
 @dataclass(slots=True)
@@ -303,17 +304,19 @@ class Reception(ABC):
         for key in [key for key in self._logged if key[0] == name]:
             del self._logged[key]
 
-    @property
-    def _overlap(self) -> float:
+    def _overlap(self, content: Content, *, are_full: bool) -> float:
         """For how long a topic of large messages has two subscriptions, which both hold them."""
-        return HURRY if self._pools.are_full else OVERLAP
+        if content.too_large:
+            return 0.0  # what is lost would be rejected
+        return HURRY if are_full else OVERLAP
 
     def _give_back(self) -> None:
         """Replace subscriptions that hold much memory for messages that no longer come."""
         now = time.monotonic()
-        overlap = self._overlap
+        are_full = self._pools.are_full
         for name in self._pools.take_due(now):
             topic = self.topics[name]
+            overlap = self._overlap(topic.content, are_full=are_full)
             self._subscribe(name, topic.offer, topic.depth, topic.content, overlap)
         if self._handovers.end_old(now):
             trim()
@@ -358,10 +361,12 @@ class Reception(ABC):
         self._pools.note(name, largest, number, time.monotonic())
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
-            self._subscribe(name, topic.offer, depth, topic.content, self._overlap)
+            overlap = self._overlap(topic.content, are_full=self._pools.are_full)
+            self._subscribe(name, topic.offer, depth, topic.content, overlap)
 
     def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
-        if len(data) <= self.max_message:
+        content.too_large = len(data) > self.max_message
+        if not content.too_large:
             content.queue.put(data, number)
             self._waiting[name] = content
         else:

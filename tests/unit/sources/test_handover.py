@@ -155,6 +155,14 @@ def test_where_memory_is_short_the_old_one_ends_soon(domain, clock, monkeypatch)
     assert domain.middleware.open_ones == 1
 
 
+def test_messages_that_are_too_large_are_held_once(domain):
+    domain.max_message = 1_000
+    domain.middleware.send(b"x" * 400_000)
+    domain.take()
+    assert len(domain.middleware.queues) == 2  # the depth of its queue
+    assert domain.middleware.open_ones == 1
+
+
 def test_a_shallower_queue_of_large_messages_loses_none():
     domain = Domain()
     domain.loop.start()
