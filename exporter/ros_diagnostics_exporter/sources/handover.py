@@ -10,7 +10,6 @@ from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
 OVERLAP = 3.0  # seconds that both are there
-HURRY = 0.5  # ... where memory is short
 LATE = 3.0  # ... after that until nothing is sent again to the one that is left
 
 
@@ -59,15 +58,10 @@ class Handover:
             self.new.close()
         self.new, self._end_at = new, end_at
 
-    def end_old(self, now: float) -> bool:
-        """End the old one when that is due; whether it was."""
-        is_due = self._old is not None and now >= self._end_at
-        if is_due:
-            self._end_old()
-        return is_due
-
     def is_over(self, now: float) -> bool:
-        """Whether nothing comes twice any more."""
+        """End the old one when that is due; whether nothing comes twice any more."""
+        if now >= self._end_at:
+            self._end_old()
         return now >= self._end_at + LATE
 
     def close(self) -> None:
@@ -97,12 +91,8 @@ class Handovers:
             handover.replace(new, end_at)
         return Taking(handover.take, handover.close)
 
-    def end_old(self, now: float) -> int:
-        """End the old ones that are due; how many those are."""
-        return sum(each.end_old(now) for each in self._handovers.values())
-
-    def take_over(self, now: float) -> dict[str, Taking]:
-        """The new ones of which nothing comes twice any more."""
+    def end(self, now: float) -> dict[str, Taking]:
+        """End the old ones that are due; the new ones of which nothing comes twice any more."""
         over = {topic: each.new for topic, each in self._handovers.items() if each.is_over(now)}
         for topic in over:
             del self._handovers[topic]

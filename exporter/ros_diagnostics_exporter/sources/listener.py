@@ -16,7 +16,11 @@ from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.reception import Reception
-from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
+from ros_diagnostics_exporter.sources.ros_environment import (
+    free_large_blocks_at_once,
+    use_log_folder,
+    use_profiles,
+)
 from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 
 LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
@@ -106,6 +110,7 @@ class Listener:
                 domain.loop.start()
 
     def _new(self, domain: Domain, zenoh: Zenoh | None) -> Reception:
+        free_large_blocks_at_once()
         if zenoh is not None:
             return ZenohNetwork(zenoh, self._receiver, self.count, self.poll_interval)
         if not isinstance(domain, int):

@@ -22,9 +22,8 @@ from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQue
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Instant, Topic, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
-from ros_diagnostics_exporter.sources.handover import HURRY, OVERLAP, Handovers, Taking
+from ros_diagnostics_exporter.sources.handover import OVERLAP, Handovers, Taking
 from ros_diagnostics_exporter.sources.link import Link
-from ros_diagnostics_exporter.sources.pools import Pools, trim
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.texts import one_line
 
@@ -54,7 +53,6 @@ class Content:
     decoder: Decoder = field(default_factory=Decoder)
     received_at: float = 0.0  # when bytes were last taken, monotonic
     link: Link = field(default_factory=Link)
-    too_large: bool = False  # the last message
 
 
 @dataclass(slots=True)
@@ -100,7 +98,6 @@ class Reception(ABC):
         self.receiver = receiver
         self.max_message = Limits().message_bytes
         self.topics: dict[str, Subscription] = {}
-        self._pools = Pools()
         self._handovers = Handovers(self.identity)
         self.error = ""  # why it could not be joined
         self.look_error = ""  # the last one since the graph was looked at in full
@@ -226,7 +223,7 @@ class Reception(ABC):
         while not self.run_safely(partial(self._drain_all, topics)):
             pass  # the topics after the one that failed
         self._decode_waiting()
-        self.run_safely(self._give_back)
+        self.run_safely(self._end_handovers)
         self.take_error = self._failed
         self.last_turn = time.monotonic()
 
@@ -285,42 +282,25 @@ class Reception(ABC):
         if topic.offer != offer:
             self._subscribe(name, offer, topic.depth, topic.content)
 
-    def _subscribe(
-        self, name: str, offer: object, depth: int, content: Content, overlap: float = OVERLAP
-    ) -> None:
+    def _subscribe(self, name: str, offer: object, depth: int, content: Content) -> None:
         """Subscribe, or anew; what waits in ``content`` stays."""
         new, old = Taking(*self.open(name, offer, depth)), self.topics.get(name)
         if old is not None:
-            end_at = time.monotonic() + overlap
-            new = self._handovers.begin(name, Taking(old.take, old.close), new, end_at)
+            before = Taking(old.take, old.close)
+            new = self._handovers.begin(name, before, new, time.monotonic() + OVERLAP)
         self.topics[name] = Subscription(*new, offer, depth, content)
 
     def unsubscribe(self, name: str) -> None:
         """Take no more of a topic."""
         self._handovers.forget(name)
         self.topics.pop(name).close()
-        self._pools.forget(name)
         self._waiting.pop(name, None)
         for key in [key for key in self._logged if key[0] == name]:
             del self._logged[key]
 
-    def _overlap(self, content: Content, *, are_full: bool) -> float:
-        """For how long a topic of large messages has two subscriptions, which both hold them."""
-        if content.too_large:
-            return 0.0  # what is lost would be rejected
-        return HURRY if are_full else OVERLAP
-
-    def _give_back(self) -> None:
-        """Replace subscriptions that hold much memory for messages that no longer come."""
-        now = time.monotonic()
-        are_full = self._pools.are_full
-        for name in self._pools.take_due(now):
-            topic = self.topics[name]
-            overlap = self._overlap(topic.content, are_full=are_full)
-            self._subscribe(name, topic.offer, topic.depth, topic.content, overlap)
-        if self._handovers.end_old(now):
-            trim()
-        for name, new in self._handovers.take_over(now).items():
+    def _end_handovers(self) -> None:
+        """End subscriptions that others have replaced."""
+        for name, new in self._handovers.end(time.monotonic()).items():
             self.topics[name].take, self.topics[name].close = new
 
     # -- messages -------------------------------------------------------------------------------
@@ -341,11 +321,11 @@ class Reception(ABC):
         """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
         topic.content.received_at = time.monotonic()
         until = topic.content.received_at + DRAIN_TIME
-        largest = number = 0
+        largest = 0
         while taken is not None:
             self.measure(topic.content.link, taken)
             data = self.data(taken)
-            largest, number = max(largest, len(data)), number + 1
+            largest = max(largest, len(data))
             self._put(name, topic.content, data, self.number(taken))
             taken = topic.take() if time.monotonic() < until else None
         dropped = topic.content.queue.dropped()
@@ -358,15 +338,12 @@ class Reception(ABC):
                 "the oldest first; counted as rate",
                 dropped,
             )
-        self._pools.note(name, largest, number, time.monotonic())
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
-            overlap = self._overlap(topic.content, are_full=self._pools.are_full)
-            self._subscribe(name, topic.offer, depth, topic.content, overlap)
+            self._subscribe(name, topic.offer, depth, topic.content)
 
     def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
-        content.too_large = len(data) > self.max_message
-        if not content.too_large:
+        if len(data) <= self.max_message:
             content.queue.put(data, number)
             self._waiting[name] = content
         else:

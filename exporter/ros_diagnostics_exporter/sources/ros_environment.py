@@ -5,6 +5,7 @@ Knows no ROS, so that what is missing can be named before rclpy is imported.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import re
 import sys
@@ -15,6 +16,9 @@ from tempfile import TemporaryDirectory, TemporaryFile
 RMW_VARIABLE = "RMW_IMPLEMENTATION"
 # Fast DDS 3, which is Kilted's and later ones', and Fast DDS 2 each read the name of theirs only.
 PROFILES_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+M_MMAP_THRESHOLD = -3  # of malloc.h
+LARGE = 256 << 10  # bytes of a block
+QOS_VARIABLE = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 PROFILES_FILES = ("DEFAULT_FASTDDS_PROFILES.xml", "DEFAULT_FASTRTPS_PROFILES.xml")
 
 log = logging.getLogger(__name__)
@@ -46,19 +50,32 @@ def check_middleware(environment: Mapping[str, str]) -> None:
 
 
 def use_profiles(environment: MutableMapping[str, str], folder: Path) -> None:
-    """Have Fast DDS allocate less for each topic, unless the user has profiles of their own.
+    """Have Fast DDS keep less memory for each topic, unless the user has profiles of their own.
 
     To be called before a domain is joined: Fast DDS reads the file once, when it starts.
 
     Args:
-        environment: Of this process; the file's path is added, under the name of each Fast DDS.
+        environment: Of this process; the file's path is added, under the name of each Fast DDS,
+            and that ROS leaves to the file what it would set itself.
         folder: The working directory, where Fast DDS looks for a file, too.
     """
     named = next(filter(None, map(environment.get, PROFILES_VARIABLES)), None)
     if named is None and any((folder / name).exists() for name in PROFILES_FILES):
         return
+    if named is None:
+        environment.setdefault(QOS_VARIABLE, "1")
     for name in PROFILES_VARIABLES:
         environment[name] = named or str(Path(__file__).with_name("fastdds.xml"))
+
+
+def free_large_blocks_at_once() -> None:
+    """Have the C library return what large messages needed to the system (glibc).
+
+    Else it keeps what is freed, from the first large block on, for further ones of that size.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(M_MMAP_THRESHOLD, LARGE)
 
 
 def ros_distribution(environment: Mapping[str, str], packages: Iterable[str]) -> str:

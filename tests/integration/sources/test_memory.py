@@ -36,6 +36,36 @@ print(kilobytes() - before)
 """
 
 
+RECEIVE = """
+import ctypes, re
+from pathlib import Path
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+def kilobytes():
+    ctypes.CDLL(None).malloc_trim(0)
+    return int(re.search(r"RssAnon:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+
+rclpy.init()
+node = rclpy.create_node("both")
+large = DiagnosticArray(status=[DiagnosticStatus(message="m" * (3 << 20))])
+names = [f"/r{n}/diagnostics" for n in range(20)]
+received = set()
+kept = [
+    node.create_subscription(DiagnosticArray, n, lambda _, n=n: received.add(n), 10, raw=True)
+    for n in names
+]
+before = kilobytes()
+for name in names:
+    publisher = node.create_publisher(DiagnosticArray, name, 1)
+    while name not in received:
+        publisher.publish(large)
+        rclpy.spin_once(node, timeout_sec=0.1)
+    node.destroy_publisher(publisher)
+print(kilobytes() - before)
+"""
+
+
 JOIN = """
 import os, socket
 import rclpy
@@ -71,6 +101,17 @@ def test_fast_dds_allocates_less_with_our_profiles(tmp_path):
         use_profiles(ours, tmp_path)
 
         assert kilobytes_of_topics(ours) < kilobytes_of_topics(theirs) / 2
+
+
+def test_a_topic_keeps_nothing_of_large_messages_that_were_taken(tmp_path):
+    """Of 20 topics with messages of 3 MiB; else anybody could fill the memory with topics."""
+    with domains.lease() as domain_id:
+        theirs = domains.environment(domain_id)
+        ours = dict(theirs)
+        use_profiles(ours, tmp_path)
+
+        assert printed(theirs, RECEIVE) > 40 << 10
+        assert printed(ours, RECEIVE) < 10 << 10
 
 
 def test_the_socket_has_room_for_the_bursts_of_a_large_fleet(tmp_path):

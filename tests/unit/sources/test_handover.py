@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import pytest
 
 from ros_diagnostics_exporter.model import Endpoint
-from ros_diagnostics_exporter.sources import handover, pools
+from ros_diagnostics_exporter.sources import handover
 from ros_diagnostics_exporter.sources.reception import Reception
 from testbed.polling import until
 
@@ -143,24 +143,12 @@ def test_one_that_is_unsubscribed_meanwhile_leaves_none_open(domain, clock):
     assert domain.take() == []
 
 
-def test_where_memory_is_short_the_old_one_ends_soon(domain, clock, monkeypatch):
-    monkeypatch.setattr(pools, "BUDGET", 300_000)
-    domain.middleware.send(b"x" * 400_000)
+def test_a_message_above_the_limit_is_rejected_with_its_size(domain):
+    domain.max_message = 1_999
+    domain.middleware.send(b"x" * 2_000)
     domain.take()
-    clock.return_value += handover.OVERLAP  # the depth of its queue
-    domain.take()
-    assert domain.middleware.open_ones == 2  # its memory
-    clock.return_value += handover.HURRY
-    domain.take()
-    assert domain.middleware.open_ones == 1
-
-
-def test_messages_that_are_too_large_are_held_once(domain):
-    domain.max_message = 1_000
-    domain.middleware.send(b"x" * 400_000)
-    domain.take()
-    assert len(domain.middleware.queues) == 2  # the depth of its queue
-    assert domain.middleware.open_ones == 1
+    error = domain.receiver.reject_undecodable.call_args.args[1]
+    assert error == "2000 bytes, more than 1999 are not decoded"
 
 
 def test_a_shallower_queue_of_large_messages_loses_none():

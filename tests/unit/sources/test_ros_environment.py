@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,7 @@ def test_each_fast_dds_uses_the_file_that_is_installed(tmp_path):
 
     (path,) = {environment[name] for name in VARIABLES}
     assert re.search("<allocated_samples>1<", Path(path).read_text())
+    assert environment["RMW_FASTRTPS_USE_QOS_FROM_XML"] == "1"  # else not all of it holds
 
 
 @pytest.mark.parametrize("name", VARIABLES)
@@ -88,3 +91,33 @@ def test_where_ros_cannot_log_it_logs_to_a_temporary_folder(tmp_path, caplog, na
     assert Path(folder.name).is_dir()
     assert f"ROS logs to {folder.name}, because its own folder cannot be used: " in caplog.text
     folder.cleanup()
+
+
+FREED = """
+import re, sys
+from pathlib import Path
+from ros_diagnostics_exporter.sources.ros_environment import free_large_blocks_at_once
+
+def kilobytes():
+    return int(re.search(r"RssAnon:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+
+if sys.argv[1] == "ours":
+    free_large_blocks_at_once()
+bytearray(b"x" * (16 << 20)).clear()  # from here on the library keeps such blocks
+before = kilobytes()
+large, small = [], []
+for _ in range(50):
+    large.append(b"x" * (1 << 20))
+    small.append(bytearray(5_000))  # what keeps the end of the heap where it is
+del large
+print(kilobytes() - before)
+"""
+
+
+@pytest.mark.parametrize(
+    ("whose", "least", "most"), [("theirs", 40 << 10, 60 << 10), ("ours", 0, 2 << 10)]
+)
+def test_what_large_messages_needed_is_returned_to_the_system(whose, least, most):
+    argv = [sys.executable, "-c", FREED, whose]
+    run = subprocess.run(argv, capture_output=True, text=True, check=True)
+    assert least <= int(run.stdout) <= most
