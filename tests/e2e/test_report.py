@@ -249,7 +249,7 @@ def _iso(unix: int) -> str:
 
 @pytest.mark.parametrize(
     "wrong",
-    [[], ["--week", "--mail-to", "a@b"], ["--week", "--smtp", "x"], ["--week", "--target", "101"]],
+    [["--week", "--mail-to", "a@b"], ["--week", "--smtp", "x"], ["--week", "--target", "101"]],
 )
 def test_wrong_arguments_are_said(wrong):
     assert main(["report", *wrong]) == 2

@@ -149,4 +149,4 @@ def test_a_hanging_disk_of_the_database_stops_nothing(site):
     assert {each["after"] for each in found} == {"silent"}
 
     assert exporter.stop(30) == 0
-    assert "the state is not written a last time" in exporter.output()
+    assert "could not save the state before the exit" in exporter.output()

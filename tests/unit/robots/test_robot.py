@@ -429,15 +429,6 @@ def test_what_the_network_shows_is_of_its_topics():
     assert driver.robot.network.publishers == 0
 
 
-def test_it_is_reached_unless_its_uplink_or_its_domain_fails():
-    network = StateDriver().robot.network
-    assert network.is_reached is True
-    for name in ("uplink_up", "domain_up"):
-        setattr(network, name, False)
-        assert network.is_reached is False
-        setattr(network, name, True)
-
-
 def test_only_what_has_ros_falls_silent():
     ping = Query("x", "ping", "Uplink", "robot", uplink=True)
     robots = (Robot("r", source=Source.QUERIES, profile=Profile()),)

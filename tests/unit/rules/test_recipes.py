@@ -83,7 +83,7 @@ EXPECTED: dict[str, dict[str, float]] = {
     },
     "How often each component": {'{fleet="f", robot="r1", component="Motor 1"}': 2},
     "For how many hours": {'{fleet="f", robot="r1", component="Motor 1"}': 41 / 60},
-    "All faults that lasted": {f'{HELD}{{{FAULT}, evidence="hot"}}': 600},
+    "All faults of an hour ago": {f'{HELD}{{{FAULT}, evidence="hot"}}': 600},
     "For how many minutes": {
         f'{{{FAULT}, evidence="hot"}}': 30,
         f'{{{SILENT}, evidence="silent"}}': 20,
@@ -92,7 +92,7 @@ EXPECTED: dict[str, dict[str, float]] = {
     "Components in ERROR": {f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': 1},
     "Robots by site": {'{fleet="f", site="hall"}': 1},
     "Batteries below": {f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': 20},
-    "What changed its level": {f"{{{MOTOR}}}": 3},
+    "The components that changed": {f"{{{MOTOR}}}": 3},
 }
 
 
