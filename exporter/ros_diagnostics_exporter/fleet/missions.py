@@ -71,7 +71,7 @@ class FleetMissions:
         """Let time pass for a robot."""
         missions = robot.missions
         if missions is not None and now.mono >= missions.due:
-            due = [each for each in missions.actions.values() if now.mono >= each.due]
+            due = missions.due_actions(now.mono)
             self._take(robot, due, missions.tick(now), now)
 
     def configure(self, robot: RobotState, now: Instant) -> None:

@@ -105,6 +105,11 @@ class Counts:
 class Goals:
     """The goals of one server. Each method returns what ended by it; ``mono`` is monotonic."""
 
+    __slots__ = (
+        *("counts", "heard_at", "_known", "_running", "_held", "_newest", "_number"),
+        *("_accepted_at", "_is_joined", "_is_first", "_away_since"),
+    )
+
     def __init__(self) -> None:
         self.counts = Counts()
         self._known: dict[Key, bool] = {}  # of the last list: whether it has ended

@@ -6,7 +6,6 @@ others goals are counted alone. Pure: time is given.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timezone
 from math import inf
@@ -26,7 +25,7 @@ from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
 # Where a server is away nothing is known of its goals, which is no fault: others say so.
 ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True)
 MOST_RECENT = 200  # goals of one action that are judged
-REPORT = 30.0  # seconds between two statuses of a goal that runs
+REPORT = 30.0  # seconds between two statuses of what runs
 Mode = tuple[bool | None, bool | None]  # it works by itself; it is stopped; None: not known
 _Text = Annotated[str, Field(max_length=256)]
 _Recent = Annotated[list[tuple[Moment, _Text]], Field(max_length=MOST_RECENT)]
@@ -54,14 +53,19 @@ class MissionsLearned(NamedTuple):
 class Action:
     """One action of a robot; ``rule`` is its entry in fleet.yml, None where it has none."""
 
+    __slots__ = (
+        *("name", "rule", "goals", "clock", "status", "due"),
+        *("_ended", "_started", "_aborted_at"),
+    )
+
     def __init__(self, name: str, rule: ActionRule | None) -> None:
         self.name, self.rule = name, rule
         self.goals = Goals()
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
         self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
-        self._ended: deque[tuple[float, str]] = deque(maxlen=MOST_RECENT)
-        self._started: deque[float] = deque(maxlen=MOST_RECENT)
+        self._ended: list[tuple[float, str]] = []  # the last `MOST_RECENT`
+        self._started: list[float] = []
         self._aborted_at = 0.0
 
     @property
@@ -76,7 +80,8 @@ class Action:
         ends = self.goals.see(goals, now.mono)
         if self.rule is not None:
             begun = self.goals.counts.started - before
-            self._started.extend([self.clock.read(now.mono)] * begun)
+            self._started += [self.clock.read(now.mono)] * begun
+            del self._started[:-MOST_RECENT]
         return self._note(ends, now)
 
     def set_there(self, *, there: bool, now: Instant) -> list[GoalEnd]:
@@ -98,7 +103,8 @@ class Action:
     def _note(self, ends: list[GoalEnd], now: Instant) -> list[GoalEnd]:
         if self.rule is not None:
             clock = self.clock.read(now.mono)
-            self._ended.extend((clock, end.result) for end in ends)
+            self._ended += [(clock, end.result) for end in ends]
+            del self._ended[:-MOST_RECENT]
             if any(end.result == "aborted" for end in ends):
                 self._aborted_at = now.wall
         return ends
@@ -164,7 +170,6 @@ class Action:
         """Set when there is something to do next."""
         found = [self.goals.due]
         if self.rule is not None and self.goals.running:
-            found.append(mono + REPORT)
             longest, limit = self.goals.longest(mono), self.rule.longer_than
             if limit is not None and longest <= limit:
                 found.append(mono + limit - longest + 0.001)
@@ -194,8 +199,8 @@ class Action:
     def restore(self, learned: ActionLearned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
         self.goals.restore(GoalsLearned(*learned.goals), now.mono)
-        self._ended.extend((-age, word) for age, word in learned.ended)
-        self._started.extend(-age for age in learned.started)
+        self._ended = [(-age, word) for age, word in learned.ended]
+        self._started = [-age for age in learned.started]
         self._aborted_at = learned.aborted_at
 
 
@@ -208,6 +213,7 @@ class Missions:
         self.autonomy: Autonomy | None = None  # where an entry says what its mode is
         self.mode: Mode = (None, None)  # as it was taken last
         self.due = inf  # when `tick` has something to do, or a status is another, monotonic
+        self._report_at = inf  # when what runs is said again, monotonic
 
     def configure(self, rules: tuple[ActionRule, ...], namespace: str) -> list[str]:
         """Follow other entries; the actions that have none any more, and so are no components."""
@@ -255,9 +261,22 @@ class Missions:
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
-        is_autonomous = self.autonomy is not None and self.autonomy.is_running
-        again = mono + REPORT if is_autonomous else inf  # for the seconds of autonomy
-        self.due = min([again, *[each.due for each in self.actions.values()]])
+        actions = self.actions.values()
+        runs = any(each.goals.running for each in actions if each.rule is not None)
+        if not (runs or (self.autonomy is not None and self.autonomy.is_running)):
+            self._report_at = inf
+        elif self._report_at == inf or self._report_at <= mono:
+            self._report_at = mono + REPORT
+        self.due = min([self._report_at, *[each.due for each in actions]])
+
+    def due_actions(self, mono: float) -> list[Action]:
+        """Those whose status may be another by now."""
+        says_again = mono >= self._report_at
+        return [
+            each
+            for each in self.actions.values()
+            if mono >= each.due or (says_again and each.goals.running)
+        ]
 
     def learned(self, now: Instant) -> MissionsLearned:
         """What a later process should know."""

@@ -14,6 +14,9 @@ from ros_diagnostics_exporter.sources.graph_topics import TopicView
 GOALS_TYPE = "action_msgs/msg/GoalStatusArray"
 STATUS = "/_action/status"  # behind the name of an action
 MOST = 20  # actions of one robot; those that an entry of fleet.yml names come first
+# ... of a domain that no entry names, by the names of their robots: with Fast DDS each subscription
+# takes up to 90 KiB, which a large fleet has not asked for.
+MOST_UNNAMED = 200
 
 
 class ActionServer(NamedTuple):
@@ -44,10 +47,12 @@ class ActionServers:
         """Take the servers of a domain, by topic; those that are subscribed."""
         chosen: dict[str, ActionServer] = {}
         counts: dict[str, int] = {}
+        unnamed = 0
         for topic, each in sorted(servers.items(), key=lambda each: (not each[1].is_named, each)):
             counts[each.robot] = counts.get(each.robot, 0) + 1
-            if counts[each.robot] <= MOST:
+            if counts[each.robot] <= MOST and (each.is_named or unnamed < MOST_UNNAMED):
                 chosen[topic] = each
+                unnamed += not each.is_named
         before, self._there[domain] = self._there.get(domain, {}), chosen
         if chosen != before:
             self._note(domain, before, chosen)

@@ -12,7 +12,12 @@ from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.config.missions import rule_for
 from ros_diagnostics_exporter.decode.messages import MessageTypes
 from ros_diagnostics_exporter.model import Domain, Instant, Status
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, ActionServer, ActionServers
+from ros_diagnostics_exporter.sources.action_servers import (
+    GOALS_TYPE,
+    STATUS,
+    ActionServer,
+    ActionServers,
+)
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
     PARAMETERS,
@@ -59,8 +64,8 @@ class GraphWatch:
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
         self._gone: set[str] = set()  # robots whose rows are to be deleted
         self._left: set[str] = set()  # ... of which nothing is to be said any more
-        # Of action servers: the topics for which they were chosen, and those that were dropped.
-        self._chosen: dict[Domain, tuple[_Owners, list[str], list[str]]] = {}
+        # Of action servers: the topics of which they were chosen, and those that were.
+        self._chosen: dict[Domain, tuple[_Owners, list[str], dict[str, str]]] = {}
 
     @cached_property
     def servers(self) -> ActionServers:
@@ -144,9 +149,10 @@ class GraphWatch:
             name: kind
             for name, kinds in types.items()
             for kind in kinds
-            if (domain, name) not in self._given_up and any(self._asking(domain, name, kind))
+            if kind != GOALS_TYPE
+            and (domain, name) not in self._given_up
+            and any(self._asking(domain, name, kind))
         }
-        self._choose_servers(domain, wanted)
         entries = self._entries[domain]
         for name, kind in list(wanted.items()):
             if why := entries.refusal(name, kind):
@@ -156,27 +162,31 @@ class GraphWatch:
         for name in self._owners[domain].by_name:
             self._robots[name].has_topics = name in publishing
         self._note(domain, entries.unseen(types, self.present(domain), now), now)
+        wanted |= self._goal_topics(domain, types)
         return wanted
 
-    def _choose_servers(self, domain: Domain, wanted: dict[str, str]) -> None:
-        """Drop the topics of action servers that are ignored, or too many."""
-        topics, owners = (
-            [each for each in wanted if wanted[each] == GOALS_TYPE],
-            self._owners[domain],
-        )
+    def _goal_topics(self, domain: Domain, types: Mapping[str, Sequence[str]]) -> Mapping[str, str]:
+        """The topics of the action servers that are chosen; chosen anew where anything changed."""
+        given_up, owners = self._given_up, self._owners[domain]
+        topics = [
+            name
+            for name, kinds in types.items()
+            if GOALS_TYPE in kinds and not (given_up and (domain, name) in given_up)
+        ]
         if not topics and domain not in self._chosen:
-            return
+            return {}
         known = self._chosen.get(domain)
         if known is None or known[:2] != (owners, topics):
             servers = {topic: each for topic in topics if (each := self._server(owners, topic))}
-            chosen = self.servers.choose(domain, servers)
-            known = self._chosen[domain] = owners, topics, [*{*topics} - chosen]
-        for topic in known[2]:
-            del wanted[topic]
+            chosen = dict.fromkeys(self.servers.choose(domain, servers), GOALS_TYPE)
+            known = self._chosen[domain] = owners, topics, chosen
+        return known[2]
 
     def _server(self, owners: _Owners, topic: str) -> ActionServer | None:
-        """The server of a topic; None where the config ignores it."""
-        robot = owners.by_name[owners.of(topic) or ""]
+        """The server of a topic; None where it is of no robot, or the config ignores it."""
+        robot = owners.by_name.get(owners.of(topic) or "")
+        if robot is None or not topic.endswith(STATUS):
+            return None
         action = self._robots[robot.name].action_of(topic)
         if not action:
             return None

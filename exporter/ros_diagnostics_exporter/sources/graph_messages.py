@@ -108,6 +108,8 @@ def is_asked_for(component: str) -> bool:
 class Stopwatch:
     """Seconds for which a robot was received: what nobody could repeat meanwhile has not ended."""
 
+    __slots__ = ("_seconds", "_since")
+
     def __init__(self) -> None:
         self._seconds = 0.0
         self._since: float | None = None  # monotonic; None: it is not received

@@ -1,0 +1,38 @@
+"""Which action servers are subscribed, of robots with many and of fleets with many robots."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.sources.action_servers import (
+    MOST_UNNAMED,
+    ActionServer,
+    ActionServers,
+)
+
+
+def servers(robots: int, *, is_named: bool) -> dict[str, ActionServer]:
+    """Ten of each robot."""
+    return {
+        f"/r{robot:03}/a{number}_{is_named}": ActionServer(f"r{robot:03}", f"a{number}", is_named)
+        for robot in range(robots)
+        for number in range(10)
+    }
+
+
+def test_of_a_large_fleet_those_without_an_entry_are_limited():
+    many = servers(30, is_named=False)
+    chosen = ActionServers().choose(0, many | servers(30, is_named=True))
+
+    unnamed = {each for each in chosen if each.endswith("False")}
+    assert len(unnamed) == MOST_UNNAMED
+    assert len(chosen - unnamed) == 300
+    assert {each[:5] for each in unnamed} == {f"/r{number:03}" for number in range(20)}
+
+
+def test_what_comes_and_goes_is_told_once():
+    known, found = ActionServers(), servers(1, is_named=True)
+    known.choose(0, found)
+    assert {each.what for each in known.take_changes()} == {"came"}
+    known.choose(0, found)
+    assert known.take_changes() == []
+    known.choose(0, {})
+    assert [each.what for each in known.take_changes()] == ["went"] * 10
