@@ -131,7 +131,7 @@ class Pages:
 
     async def runbook(self, request: Request) -> Response:
         """The runbook of an alert; the query has the names of what it is about."""
-        alert = request.path_params["alert"]
+        alert = request.path_params["alert"].removesuffix(".html").removesuffix(".md")
         names = dict(request.query_params)
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         page = runbook_page(alert, {**_reached_by(snapshot, names.get("robot", "")), **names})

@@ -54,7 +54,7 @@ def link_to(alert: str, names: Mapping[str, object]) -> str:
 
 def filled_in(alert: str, names: Mapping[str, str]) -> str | None:
     """A runbook as HTML, its commands and queries with these names; None if there is none."""
-    page = _pages().get(alert.removesuffix(".html").removesuffix(".md"))
+    page = _pages().get(alert)
     return page and _CODE.sub(lambda code: _filled_in(code, names), page)
 
 

@@ -162,6 +162,7 @@ def test_a_runbook_is_a_page_with_the_names_filled_in(serve, suffix):
     answer = ask(server, path)
     page = read(answer.text)
     assert answer.status == 200
+    assert "<h1>RosDiagnosticsComponentCritical</h1>" in answer.text
     assert "<h2>Do this now</h2>" in answer.text
     assert "ros-diagnostics why robot_3 'Motor  \"2\"'" in page.text
     assert '{robot="robot_3", component="Motor  \\"2\\""}' in page.text
@@ -197,7 +198,7 @@ def test_the_links_of_all_runbooks_lead_to_runbooks(serve):
 def test_an_alert_without_a_runbook_is_404(serve):
     answer = ask(serve(), "/runbooks/DiskFull.html")
     assert answer.status == 404
-    assert "DiskFull" in read(answer.text).text
+    assert "the alert DiskFull." in read(answer.text).text
 
 
 @pytest.mark.parametrize(
