@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 INTERVAL = 1.0  # seconds between two looks at what has to be joined
 AGAIN = 30.0  # ... until a domain that could not be joined is tried again
-LEAST = 60.0  # ... that a domain is joined until it is joined anew because of silence
+LEAST = 20.0  # ... that a domain is joined until it is joined anew because of silence
 SILENT = "none of its robots is received"
 MOVED = "this machine has other addresses"
 

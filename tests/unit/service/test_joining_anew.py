@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter import comparing
-from ros_diagnostics_exporter.comparing import CONFIRM, LONGEST
+from ros_diagnostics_exporter.comparing import CONFIRM, LONGEST, REST
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.joining import LEAST, Joining
 from ros_diagnostics_exporter.model import Array, Status, Topic
@@ -95,9 +95,9 @@ A, B = "/a/diagnostics", "/b/diagnostics"
 
 def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
-    playing.until(LEAST + 10, "a", "b")
+    playing.until(REST + 10, "a", "b")
     playing.heard = {A}
-    playing.until(LEAST + 20 + 3 + CONFIRM, "b")
+    playing.until(REST + 20 + 3 + CONFIRM, "b")
     assert playing.left == [7]
     assert playing.followed == 1
     first, again = playing.seconds
@@ -106,7 +106,7 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
     why = f"another process receives {A}, and this one does not"
     assert events == [f"domain 7: {why}", f"domain 7: it is joined anew: {why}"]
     playing.joined_at[7] = playing.driver.now.mono
-    playing.until(LEAST + 60, "a", "b")
+    playing.until(REST + 60, "a", "b")
     assert not [each for each in playing.driver.events if each.kind == "fault_began"]
     assert playing.left == [7]
 
@@ -114,7 +114,7 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
 def test_a_topic_of_which_this_process_receives_bytes_is_no_reason(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
     playing.heard = playing.received = {A}  # and all of it is undecodable
-    playing.until(LEAST + 60, "b")
+    playing.until(REST + 60, "b")
     assert playing.seconds
     assert playing.left == []
 
@@ -138,13 +138,13 @@ def test_a_robot_that_is_off_is_compared_ever_less_often_and_another_one_soon(mo
 
 def test_what_is_missed_once_is_a_silence_again(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
-    playing.until(LEAST + 10, "a", "b")
+    playing.until(REST + 10, "a", "b")
     playing.heard = {A}
-    playing.until(LEAST + 22, "b")
+    playing.until(REST + 22, "b")
     assert playing.driver.state.robots["a"].silent_reason == "domain_unreachable"
     assert playing.driver.state.robots["b"].network.domain_up  # its faults go on
     playing.heard = set()
-    playing.until(LEAST + 60, "b")
+    playing.until(REST + 60, "b")
     assert playing.left == []
     assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
     assert [each.robot for each in playing.driver.events if each.kind == "fault_began"] == ["a"]
@@ -160,7 +160,7 @@ def test_a_second_process_that_cannot_be_started_keeps_no_domain_from_being_join
 
     monkeypatch.setattr(comparing, "Second", fail)
     playing.outdated = [7]
-    playing.until(LEAST + 2, "b")
+    playing.until(REST + 2, "b")
     assert 7 in playing.left
     assert caplog.messages.count("domain 7: no second participant was started: no memory") == 1
 
@@ -182,12 +182,12 @@ def test_a_process_that_fails_or_hangs_is_ended_and_has_received_nothing(
 @pytest.mark.parametrize("joined", [{}, {7: 1000.0}])
 def test_what_is_compared_while_the_domain_is_left_says_nothing(monkeypatch, joined):
     playing = Playing(driver_of("a", "b"), monkeypatch)
-    playing.until(LEAST + 10, "b")
+    playing.until(REST + 10, "b")
     playing.heard = {A}
     assert len(playing.seconds) == 1
     playing.joined_at.clear()
     playing.joined_at.update(joined)
-    playing.until(LEAST + 60, "b")
+    playing.until(REST + 60, "b")
     assert playing.left == []
     assert not [each for each in playing.driver.events if each.kind == "config"]
 
