@@ -7,6 +7,7 @@ is found for the first time may be large. But a fleet stays, and invented robots
 
 from __future__ import annotations
 
+from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.robot import RobotState
 
@@ -36,7 +37,7 @@ class NewcomerRate:
 
     def look(self, now: Instant) -> None:
         """Begin to count at once where too many robots of the first minutes are gone already."""
-        gone = sum(not (robot.up or robot.network.publishers) for robot in self._found)
+        gone = sum(map(_is_gone, self._found))
         if gone >= self.at_once and not self.limits(now):
             self._free_until, self._left, self._at = now.mono, 0.0, now.mono
             for robot in self._found:
@@ -54,3 +55,10 @@ class NewcomerRate:
             return False
         self._left -= 1.0
         return True
+
+
+def _is_gone(robot: RobotState) -> bool:
+    """Whether nobody publishes as a robot any more, as far as is known."""
+    if robot.shared or robot.settings.source is Source.NONE:  # it has no publisher of its own
+        return robot.last_mono is not None and not robot.up
+    return not robot.network.publishers

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits
+from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits, Source
 from ros_diagnostics_exporter.fleet import registry
+from ros_diagnostics_exporter.fleet.newcomers import _is_gone
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, StateDriver
 
@@ -73,6 +76,30 @@ def test_robots_that_are_invented_right_after_the_start_are_limited_once_many_ar
     playing.play(305, 305 + 620)
     assert playing.invented() == []
     assert playing.faults() == []
+
+
+@pytest.mark.parametrize(
+    ("source", "shared", "received", "is_up", "publishers", "gone"),
+    [
+        (Source.AUTO, False, 3.0, True, 0, True),
+        (Source.AUTO, False, 3.0, False, 1, False),
+        (Source.NONE, False, None, False, 0, False),  # it is found, and not received yet
+        (Source.NONE, False, 3.0, True, 0, False),
+        (Source.NONE, False, 3.0, False, 0, True),
+        (Source.AUTO, True, 3.0, True, 0, False),
+    ],
+)
+def test_a_robot_is_gone_when_nobody_publishes_as_it(  # noqa: PLR0917
+    source, shared, received, is_up, publishers, gone
+):
+    robot: Any = SimpleNamespace(
+        settings=SimpleNamespace(source=source),
+        shared=shared,
+        last_mono=received,
+        up=is_up,
+        network=SimpleNamespace(publishers=publishers),
+    )
+    assert _is_gone(robot) is gone
 
 
 def test_robots_of_an_earlier_process_that_are_off_do_not_end_the_start(tmp_path):
