@@ -115,7 +115,7 @@ class Limits(Entry):
         "minutes. Those of the first two minutes do not count until as many of them are gone "
         "again; those that were known before never do.",
         example=20,
-        default=100,
+        default=50,
     )
     components: Count = described("Components of one robot.", example=200, default=500)
     values: Count = described("Key-values of one component.", example=50, default=200)

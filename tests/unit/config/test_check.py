@@ -25,7 +25,7 @@ def test_warnings_come_last(fleet_of, tmp_path):
     assert text.splitlines()[-4:] == [
         "limits (1):",
         (
-            "  robots=2000 new_robots=100 components=500 values=9 label_length=256 "
+            "  robots=2000 new_robots=50 components=500 values=9 label_length=256 "
             "message_bytes=1048576 series=1000000 robot_series=20000"
         ),
         "warnings (1):",

@@ -57,7 +57,7 @@ def test_seven_invented_robots_a_second_do_not_become_a_fleet():
     for second in range(125, 425):
         playing.play(second, second + 1, *(f"x{second}_{n}" for n in range(7)))
 
-    assert 100 <= len(playing.invented()) <= 100 + 100 * 300 // 600 + 1
+    assert 50 <= len(playing.invented()) <= 50 + 50 * 300 // 600 + 1
     assert playing.driver.state.rejected["new_robots"] > 1_800
     assert all(playing.driver.state.robots[name].up for name in TRUE)
 
@@ -71,7 +71,7 @@ def test_robots_that_are_invented_right_after_the_start_are_limited_once_many_ar
     for second in range(5, 305):
         playing.play(second, second + 1, *(f"x{second}_{n}" for n in range(7)))
 
-    assert len(playing.invented()) <= 100 + 7 * 12 + 100 * 300 // 600
+    assert len(playing.invented()) <= 50 + 7 * 12 + 50 * 300 // 600
     assert all(playing.driver.state.robots[name].up for name in TRUE)
     playing.play(305, 305 + 620)
     assert playing.invented() == []
