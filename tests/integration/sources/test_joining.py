@@ -191,7 +191,11 @@ def test_large_messages_wait_in_a_shallower_queue(ros_domain, robots, run_export
         return arrived() > 0
 
     until(first_arrived, "the first large array")
-    robots.wait_for_listeners()
+    # The deep queue stays until the publishers know the shallow one, so that nothing is lost.
+    domain = running.service.listener._domains[ros_domain]
+    until(lambda: domain.topics["/r/diagnostics"].depth < 1_000, "the queue is shallower")
+    until(lambda: not domain._handovers._handovers, "the deep one is gone")
+    until(lambda: robots.listeners("/r/diagnostics") == 1, "the publisher knows it")
     with running.service.state._lock:
         before = arrived()
         for _ in range(120):
