@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 import pytest
 import yaml
 
+from support.named_tests import find_missing
 from support.planted import CHECKOUT, occurs_once, planted_checkout
 
 MISTAKES = yaml.load(
@@ -52,7 +53,10 @@ def test_a_planted_mistake_is_found(mistake, tmp_path):
 def test_a_mistake_can_be_planted(mistake):
     """So that a change that moves one is noticed at once."""
     assert occurs_once((CHECKOUT / mistake["file"]).read_text(), mistake["right"])
-    assert (CHECKOUT / mistake["found_by"].partition("::")[0]).exists()
+
+
+def test_every_test_that_finds_a_mistake_exists(request: pytest.FixtureRequest):
+    assert find_missing((each["found_by"] for each in MISTAKES), request.session) == set()
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

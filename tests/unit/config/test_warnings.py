@@ -6,25 +6,33 @@ import pytest
 @pytest.mark.parametrize(
     ("text", "warnings"),
     [
-        (
+        pytest.param(
             "robots: [{name: a, domain_id: 102}, {name: b, domain_id: 101}]",
             ["2: robots[a].domain_id: DDS domain 102 shares its ports with Linux' outgoing"],
+            id="a domain above those of clients",
         ),
-        (
+        pytest.param(
             'discovery: [{topic: "/{robot}/diagnostics", domain_ids: [0, 214-215, 150]}]',
             ["2: discovery[0].domain_ids: DDS domain 150, 214 shares its ports with Linux'"],
+            id="domains of a discovery",
         ),
-        (
+        pytest.param(
             "shared: [{topic: /diagnostics, domain_id: 200}]",
             ["2: shared[0].domain_id: DDS domain 200 shares its ports with Linux' outgoing"],
+            id="the domain of a shared topic",
         ),
-        (
+        pytest.param(
             """robots: [{name: a}]
 profiles: {default: {graph: {mode: "off"}, actions: [{match: dock, aborted: {critical: 1}}]}}""",
             ["3: profiles.default.actions: are never judged, because graph.mode is off; remove"],
+            id="actions without the graph",
         ),
-        ("{}", ["1: no robots, discovery or shared topics, so there is nothing to watch; add"]),
-        (
+        pytest.param(
+            "{}",
+            ["1: no robots, discovery or shared topics, so there is nothing to watch; add"],
+            id="nothing to watch",
+        ),
+        pytest.param(
             """robots: [{name: a, labels: {site: x}}]
 profiles: {default: {values: [{key: Level, metric: ros_battery_percent}]}}
 maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robot: a}}]""",
@@ -38,8 +46,9 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
                     "downtime is never active; select by one of fleet, robot, site"
                 ),
             ],
+            id="a metric and a selector",
         ),
-        (
+        pytest.param(
             """robots:
   - {name: a, labels: {uplink: ap-1}}
   - {name: b, namespace: /b, labels: {uplink: ap-2}}
@@ -51,8 +60,9 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
                     "failure explains no silence; add {name: ap-2, source: queries, address: ...}"
                 )
             ],
+            id="an uplink that is no robot",
         ),
-        (
+        pytest.param(
             """robots: [{name: a, profile: host, source: queries}, {name: b}]
 shared: [{topic: /diagnostics_agg, domain_id: 3, profile: host}]
 profiles:
@@ -64,8 +74,9 @@ profiles:
                     "no topic is read; give a robot with source queries its domain_id, or remove"
                 )
             ],
+            id="topics of robots without ROS",
         ),
-        (
+        pytest.param(
             """robots: [{name: a}]
 profiles:
   default:
@@ -78,8 +89,9 @@ profiles:
                 "6: profiles.default.values[0]: is converted, but its label still has the unit",
                 "7: profiles.default.values[1]: is converted, but its label still has the unit",
             ],
+            id="a conversion that keeps its unit",
         ),
-        (
+        pytest.param(
             """robots: [{name: a}]
 profiles:
   default:
@@ -92,8 +104,13 @@ profiles:
                 ),
                 "6: profiles.default.components[1].stale_after: is 2h: silence is noticed only",
             ],
+            id="hours without a unit",
         ),
-        ("robots: [{name: a, domain_id: 0}, {name: b, domain_id: 232}]", []),
+        pytest.param(
+            "robots: [{name: a, domain_id: 0}, {name: b, domain_id: 232}]",
+            [],
+            id="domains of clients",
+        ),
     ],
 )
 def test_warnings_name_the_place(fleet_of, tmp_path, text, warnings):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import claims
+from support.named_tests import find_missing
 
 CHECKOUT = Path(__file__).parents[3]
 PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
@@ -37,34 +36,9 @@ def test_every_link_leads_to_a_file_and_a_heading(page: Path):
         assert not anchor or anchor in anchors(target), f"{name}#{anchor}"
 
 
-def collected(*files: str) -> set[str]:
-    """The tests in these files, with the names of their cases."""
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:xdist", *files]
-    return set(
-        subprocess.run(
-            command, cwd=CHECKOUT, capture_output=True, text=True, timeout=300, check=False
-        ).stdout.splitlines()
-    )
-
-
 def test_every_test_that_a_claim_names_exists(request: pytest.FixtureRequest):
     named = {test for page in PAGES for test in shown_by(page)}
-    files = sorted({test.partition("::")[0] for test in named})
-    missing = [each for each in files if not (CHECKOUT / each).exists()]
-    assert not missing
-
-    cases = {item.nodeid for item in request.session.items}
-    if not set(files) <= {case.partition("::")[0] for case in cases}:  # only some are run
-        cases = collected(*files)
-    tests = cases | {case.partition("[")[0] for case in cases}
-    # A file that is skipped as a whole, such as without a browser, has no cases.
-    for file in set(files) - {case.partition("::")[0] for case in cases}:
-        functions = re.findall(
-            r"^def (test_\w+)", (CHECKOUT / file).read_text("utf-8"), re.MULTILINE
-        )
-        tests |= {f"{file}::{name}" for name in functions}
-
-    assert named - tests == set()
+    assert find_missing(named, request.session) == set()
 
 
 @pytest.mark.parametrize("page", claims.PAGES)
