@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
+from rosbags import rosbag2
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
@@ -52,6 +55,20 @@ def write_bag(path: Path, rows: Iterable[Row], storage: str = "mcap", topic_type
         writer.write(Recorded(round((BEGIN + second) * 1e9), topic, topic_type, data))
     writer.close()
     return path
+
+
+def write_messages(
+    folder: Path, rows: Iterable[tuple[float, str, str, Any]], storage: StoragePlugin, types: Any
+) -> Path:
+    """A bag of ROS 2 of (second, topic, type, message), the messages as rosbags has them."""
+    with rosbag2.Writer(folder, version=9, storage_plugin=storage) as writer:
+        connections: dict[str, Connection] = {}
+        for second, topic, kind, message in rows:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=types)
+            data = types.serialize_cdr(message, kind)
+            writer.write(connections[topic], round((BEGIN + second) * 1e9), data)
+    return folder
 
 
 def write_json(path: Path, rows: Iterable[Row]) -> Path:

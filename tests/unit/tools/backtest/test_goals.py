@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_tools.backtest.small_topics import asked_names
-from support.bags import BEGIN, judged, texts
+from support.bags import judged, texts, write_messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
@@ -44,25 +42,13 @@ def array_of_motor():
     return of(ARRAY)(header, [motor])
 
 
-def write(folder: Path, rows, storage: StoragePlugin) -> Path:
-    """A bag of ROS 2 of (second, topic, message)."""
-    with Writer(folder, version=9, storage_plugin=storage) as writer:
-        known = {}
-        for second, topic, kind, message in rows:
-            if topic not in known:
-                known[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            data = STORE.serialize_cdr(message, kind)
-            writer.write(known[topic], round((BEGIN + second) * 1e9), data)
-    return folder
-
-
 @pytest.mark.parametrize("storage", StoragePlugin)
 def test_a_goal_that_was_aborted_is_a_fault_until_one_succeeds(tmp_path, storage):
     rows = [(at, "/robot_3/diagnostics", ARRAY, array_of_motor()) for at in range(200)]
     told = [(50, 1, EXECUTING), (60, 1, ABORTED), (100, 2, EXECUTING), (120, 2, SUCCEEDED)]
     topic = f"/robot_3/dock_robot{STATUS}"
     rows += [(at + 0.5, topic, GOALS_TYPE, list_of(number, how)) for at, number, how in told]
-    bag = write(tmp_path / "bag", sorted(rows, key=lambda row: row[0]), storage)
+    bag = write_messages(tmp_path / "bag", sorted(rows, key=lambda row: row[0]), storage, STORE)
     (tmp_path / "fleet.yml").write_text(FLEET)
     fleet = load(tmp_path / "fleet.yml")
 

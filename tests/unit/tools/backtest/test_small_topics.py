@@ -7,12 +7,12 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.backtest.small_topics import asked_names
-from support.bags import BEGIN, judged, texts
+from support.bags import judged, texts, write_messages
 
 SAFETY, BOOL = "ur_dashboard_msgs/msg/SafetyMode", "std_msgs/msg/Bool"
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -32,15 +32,9 @@ profiles:
 
 
 def write(folder: Path, rows, storage: StoragePlugin) -> Path:
-    """A bag of ROS 2 of (second, topic, type, value of the only field)."""
-    with Writer(folder, version=9, storage_plugin=storage) as writer:
-        known = {}
-        for second, topic, kind, value in rows:
-            if topic not in known:
-                known[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            data = STORE.serialize_cdr(STORE.types[kind](value), kind)
-            writer.write(known[topic], round((BEGIN + second) * 1e9), data)
-    return folder
+    """A bag of (second, topic, type, value of the only field)."""
+    typed = ((at, topic, kind, STORE.types[kind](value)) for at, topic, kind, value in rows)
+    return write_messages(folder, typed, storage, STORE)
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)
