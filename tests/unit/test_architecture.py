@@ -110,6 +110,7 @@ KNOW_ROS = {
     f"{EXPORTER}.sources.dds_fields",
     f"{EXPORTER}.sources.dds_names",
     f"{EXPORTER}.sources.dds_second",
+    f"{EXPORTER}.sources.dds_subscription",
     f"{EXPORTER}.sources.dds_types",
     f"{EXPORTER}.sources.dds_watch",
     "virtual_robots.ros.contexts",

@@ -36,7 +36,6 @@ try:
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.context import Context
-    from rclpy.event_handler import SubscriptionEventCallbacks
     from rclpy.node import Node
     from rclpy.parameter import Parameter
     from rclpy.qos import (
@@ -55,6 +54,7 @@ try:
         list_nodes,
         list_topics,
     )
+    from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
@@ -369,24 +369,15 @@ class DdsDomain(Reception):
 def subscribe(
     node: Node, topic: str, *, reliable: bool, depth: int
 ) -> tuple[Subscription, Callable[[], Any]]:
-    """A subscription, and what takes the next message of it as bytes; None where there is none."""
-    subscription = node.create_subscription(
-        DiagnosticArray,
-        topic,
-        _never_called,
-        QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=depth,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.VOLATILE,
-        ),
-        raw=True,
-        # Each event that rclpy would watch for is one more thing to wait for.
-        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+    """A subscription of diagnostics, and what takes its next message; see `subscribe_bytes`."""
+    reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    profile = QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=reliability,
+        durability=DurabilityPolicy.VOLATILE,
     )
-    # Instead of rclpy's executors: they pass every subscription to the middleware before each
-    # single message, which for 100 robots costs more than all else together.
-    return subscription, partial(subscription.handle.take_message, DiagnosticArray, True)
+    return subscribe_bytes(node, DiagnosticArray, topic, profile)
 
 
 def make_guest(name: str, context: Context) -> Node:
@@ -415,7 +406,3 @@ def _make_node(*args: Any, **kwargs: Any) -> Node:
             return _Nothing()
 
     return Guest(*args, **kwargs)
-
-
-def _never_called(_data: object) -> None:
-    """Stand in for a subscription's callback: messages are taken, not delivered."""

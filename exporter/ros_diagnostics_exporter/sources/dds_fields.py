@@ -7,13 +7,13 @@ once it is due: what comes between is never copied into Python.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
 from ros_diagnostics_exporter.sources.dds_types import UnsupportedError, borrowed_type
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
@@ -24,12 +24,12 @@ MAX_MISSED = 1000  # messages between two looks that are counted
 
 
 class _Followed(NamedTuple):
-    """A subscribed topic: its type, how it is subscribed, and what takes its messages."""
+    """A subscribed topic: its type, how it is subscribed, and what takes its next message."""
 
     kind: str
     profile: QoSProfile
-    python_type: Any
     subscription: Any
+    take: Callable[[], Any]
 
 
 class FieldTopics:
@@ -83,14 +83,12 @@ class FieldTopics:
             self._receiver.refuse_watched(self._domain, name, str(error), now)
             self._due[name] = now.mono + REFUSED_FOR
             return
-        events, profile = SubscriptionEventCallbacks(use_default_callbacks=False), _profile(offers)
-        made = node.create_subscription(
-            python_type, name, _never_called, profile, raw=True, event_callbacks=events
-        )
-        self._topics[name] = _Followed(kind, profile, python_type, made)
+        profile = _profile(offers)
+        subscribed = subscribe_bytes(node, python_type, name, profile)
+        self._topics[name] = _Followed(kind, profile, *subscribed)
 
     def _take(self, name: str, followed: _Followed, now: Instant) -> None:
-        taken = followed.subscription.handle.take_message(followed.python_type, True)
+        taken = followed.take()
         if taken is None:
             return
         data, info = taken
@@ -122,7 +120,3 @@ def _installed_type(kind: str) -> Any:
         return getattr(importlib.import_module(f"{package}.msg"), name, None)
     except ImportError:
         return None
-
-
-def _never_called(_data: object) -> None:
-    """Stand in for a subscription's callback: messages are taken, not delivered."""

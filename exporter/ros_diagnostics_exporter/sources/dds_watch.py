@@ -6,14 +6,13 @@ Imported by `dds` alone, once it knows that there is ROS.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
 from lifecycle_msgs.msg import TransitionEvent
 from rcl_interfaces.msg import Log as RosLog
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
@@ -21,6 +20,7 @@ from rclpy.serialization import deserialize_message
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
+from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     PARAMETERS_TYPE,
@@ -53,7 +53,8 @@ class Watcher:
 
     def __init__(self, domain: Domain, receiver: Receiver) -> None:
         self._domain, self._receiver = domain, receiver
-        self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
+        # Name -> type, subscription, what takes its next message.
+        self._topics: dict[str, tuple[str, Any, Callable[[], Any]]] = {}
         self._bytes = WatchedBytes()
         self._fields = FieldTopics(domain, receiver, self._bytes)
         self._looked_at = 0.0  # monotonic
@@ -66,18 +67,20 @@ class Watcher:
         for name in self._topics.keys() - wanted.keys():
             node.destroy_subscription(self._topics.pop(name)[1])
         for name in wanted.keys() - self._topics.keys():
-            self._topics[name] = wanted[name], _subscribe(node, name, KINDS[wanted[name]])
+            kind = wanted[name]
+            subscribed = subscribe_bytes(node, KINDS[kind], name, _profile(kind))
+            self._topics[name] = kind, *subscribed
             yield
-        for name, (kind, subscription) in self._topics.items():
-            self._take(name, kind, subscription, now)
+        for name, (kind, _subscription, take) in self._topics.items():
+            self._take(name, kind, take, now)
             yield
         self._looked_at = now.mono
         yield from self._fields.look(node, others, now)
         self._count(now)
 
-    def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:
+    def _take(self, name: str, kind: str, take: Callable[[], Any], now: Instant) -> None:
         for _ in range(DEPTH):
-            taken = subscription.handle.take_message(KINDS[kind], True)
+            taken = take()
             if taken is None:
                 break
             data = taken[0]
@@ -111,14 +114,10 @@ class Watcher:
             self._receiver.note_watched(self._domain, rates, now)
 
 
-def _subscribe(node: Any, name: str, kind: Any) -> Any:
-    events = SubscriptionEventCallbacks(use_default_callbacks=False)
-    profile = QoSProfile(depth=DEPTH)
-    if kind is GoalStatusArray:  # the last list is kept for who joins late
-        profile = QoSProfile(depth=GOALS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return node.create_subscription(
-        kind, name, _never_called, profile, raw=True, event_callbacks=events
-    )
+def _profile(kind: str) -> QoSProfile:
+    if kind == GOALS_TYPE:  # the last list is kept for who joins late
+        return QoSProfile(depth=GOALS_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return QoSProfile(depth=DEPTH)
 
 
 def _read(message: Any) -> Message:
@@ -133,7 +132,3 @@ def _read(message: Any) -> Message:
     ]
     deleted = [(each.name, None) for each in message.deleted_parameters]
     return Parameters(message.node, (*changed, *deleted))
-
-
-def _never_called(_data: object) -> None:
-    """Stand in for a subscription's callback: messages are taken, not delivered."""
