@@ -6,7 +6,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.api.occurrences import LABELS, WEEK, Spell, occurrences, spells
+from ros_diagnostics_exporter.api.occurrences import (
+    WEEK,
+    Spell,
+    fault_key,
+    occurrences,
+    spells,
+)
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -83,18 +89,14 @@ def in_time(since: float, now: float) -> str:
 
 def _faults(events: list[Event], robot: dict[str, Any], since: float) -> Iterator[dict[str, Any]]:
     """The faults that lasted since then; of those whose end is not known the ones that last now."""
-    lasting = {_key(each): each for each in robot["problems"] if each["confirmed"] is not None}
+    lasting = {fault_key(each): each for each in robot["problems"] if each["confirmed"] is not None}
     for fault in occurrences(events):
-        is_lasting = lasting.pop(_key(fault), None) is not None
+        is_lasting = lasting.pop(fault_key(fault), None) is not None
         ended = fault["until"] is not None and fault["until"] >= since
         if ended or (is_lasting and fault["until"] is None):
             yield fault
     for problem in lasting.values():  # its begin is not in the event log
         yield {**problem, "until": None, "notified": []}
-
-
-def _key(fault: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(fault[name] for name in (*LABELS, "since"))
 
 
 def _parts(faults: Iterable[dict[str, Any]]) -> list[_Part]:
@@ -207,10 +209,10 @@ def _well(found: list[Spell], now: float) -> str | None:
 
 def _cared_for(part: _Part, robot: dict[str, Any], now: float) -> Iterator[str]:
     """Who has acknowledged what lasts, and who planned a downtime of it."""
-    faults = {_key(fault) for fault in part.faults}
+    faults = {fault_key(fault) for fault in part.faults}
     for problem in robot["problems"]:
         taken = problem["acknowledged"]
-        if taken and _key(problem) in faults:
+        if taken and fault_key(problem) in faults:
             until = clock(taken["until"], now, local=False, seconds=False)
             when = "" if taken["until"] - taken["at"] > LONG else f" until {until}"
             yield f"{taken['author']} has it{when}: {taken['comment']}."

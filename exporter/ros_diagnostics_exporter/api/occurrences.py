@@ -27,6 +27,11 @@ def labels_of(event: dict[str, Any]) -> dict[str, str]:
     return {name: event.get(name, "") for name in LABELS}
 
 
+def fault_key(fault: dict[str, Any]) -> tuple[Any, ...]:
+    """What tells one time that a fault lasted from all others."""
+    return tuple(fault[name] for name in (*LABELS, "since"))
+
+
 def history(find: Callable[..., list[dict[str, Any]]], fault: str) -> list[dict[str, Any]]:
     """Each time that one fault, by its id, lasted, as `occurrences`.
 
@@ -45,7 +50,7 @@ def occurrences(
     known), the evidence of its begin and of its end, and who acknowledged it and was notified, in
     order.
     """
-    found = {(*labels_of(each).values(), each["since"]): each for each in earlier}
+    found = {fault_key(each): each for each in earlier}
     for event in sorted(events, key=lambda each: (each["time"], each["id"])):
         if event["kind"] not in KINDS or event.get("since") is None:
             continue

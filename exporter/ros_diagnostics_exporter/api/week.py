@@ -12,7 +12,13 @@ from itertools import chain, takewhile
 from statistics import median
 from typing import Any
 
-from ros_diagnostics_exporter.api.occurrences import KINDS, LABELS, WEEK, occurrences, spells
+from ros_diagnostics_exporter.api.occurrences import (
+    KINDS,
+    WEEK,
+    fault_key,
+    occurrences,
+    spells,
+)
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 
@@ -85,18 +91,14 @@ def known(
         faults: As `occurrences` returns them.
         lasting: The faults of /api/v1/faults; one whose events are gone counts as well.
     """
-    last = {_key(each): each for each in lasting}
+    last = {fault_key(each): each for each in lasting}
     found = []
     for fault in faults:
-        is_lasting = last.pop(_key(fault), None) is not None
+        is_lasting = last.pop(fault_key(fault), None) is not None
         if fault["until"] is not None or is_lasting:
             found.append(fault)
     gone: dict[str, Any] = {"until": None, "reason": None, "acknowledged": [], "notified": []}
     return found + [{**each, **gone} for each in last.values()]
-
-
-def _key(fault: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(fault[name] for name in (*LABELS, "since"))
 
 
 def begun(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list[dict[str, Any]]:
