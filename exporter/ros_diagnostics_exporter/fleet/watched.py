@@ -31,12 +31,13 @@ from ros_diagnostics_exporter.model import (
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.graph import GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
 from ros_diagnostics_exporter.sources.robot_graph import Report
+from ros_diagnostics_exporter.sources.topic_entries import asked_names
 
 log = logging.getLogger(__name__)
 
@@ -346,9 +347,7 @@ class WatchedFleet(ABC):
         found = [each for each in self.fleet.discoveries if domain_id in each.domain_ids]
         profiles = [each.profile for each in self.fleet.robots if each.domain_id == domain_id]
         profiles += [each.profile for each in found]
-        names = {entry.topic for profile in profiles for entry in profile.topics}
-        names |= {STATUS for profile in profiles if profile.actions}
-        return frozenset(names | {end for each in found if (end := end_of_topic(each))})
+        return asked_names(profiles) | {end for each in found if (end := end_of_topic(each))}
 
     def define(self, kind: str, text: str) -> None:
         """Take the definition that a recording has of a type."""

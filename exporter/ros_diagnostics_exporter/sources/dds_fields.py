@@ -16,10 +16,10 @@ from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
 from ros_diagnostics_exporter.sources.dds_types import UnsupportedError, borrowed_type
 from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.topic_entries import REFUSED_FOR
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
-REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again
-ASKED_AFTER = 60.0  # ... without a message after which its publishers are asked for again
+ASKED_AFTER = 60.0  # seconds without a message after which its publishers are asked for again
 MAX_MISSED = 1000  # messages between two looks that are counted
 
 

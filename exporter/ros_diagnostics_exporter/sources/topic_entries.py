@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.config.profiles import Profile
 from ros_diagnostics_exporter.config.robots import Robot
 from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.decode.messages import (
@@ -16,9 +17,11 @@ from ros_diagnostics_exporter.decode.messages import (
     UnknownTypeError,
 )
 from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.sources.action_servers import STATUS
 from ros_diagnostics_exporter.sources.topic_fields import NoFieldError, status_of
 
 MAX_BYTES = 16 << 10  # of one message
+REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again
 UNSEEN = 60.0  # seconds for which nobody publishes a topic, until that is said
 # What is large or fast, or read in another way.
 REFUSED = {
@@ -40,6 +43,18 @@ REFUSED = {
     "lifecycle_msgs/msg/TransitionEvent": "what graph.watch.transitions reads",
 }
 _UNPUBLISHED = "nobody publishes it: correct topic in fleet.yml, or start its publisher"
+
+
+def asked_names(profiles: Iterable[Profile]) -> frozenset[str]:
+    """The small topics that profiles name, as in fleet.yml, and how the status of actions ends."""
+    listed = tuple(profiles)
+    names = {entry.topic for each in listed for entry in each.topics}
+    return frozenset(names | {STATUS for each in listed if each.actions})
+
+
+def ends_of(names: Iterable[str]) -> tuple[str, ...]:
+    """How the full name of a topic ends that one of these names may mean."""
+    return tuple(f"/{name.removeprefix('/')}" for name in names)
 
 
 class Reading(NamedTuple):

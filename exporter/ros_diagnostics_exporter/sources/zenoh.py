@@ -32,6 +32,7 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import ZENOH, Endpoint, Instant
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.reception import Count, Reception
+from ros_diagnostics_exporter.sources.topic_entries import ends_of
 from ros_diagnostics_exporter.sources.zenoh_fields import Offer, ZenohFields, asked_tokens
 
 _BRIDGED_TYPE = "diagnostic_msgs§msg§DiagnosticArray"
@@ -278,7 +279,7 @@ class ZenohNetwork(Reception):
 
     def _offers(self, tokens: list[Token], finders: Sequence[re.Pattern[str]]) -> dict[str, Offer]:
         """The small topics that are asked for and that somebody publishes."""
-        ends = tuple(f"/{name.removeprefix('/')}" for name in self._asked)
+        ends = ends_of(self._asked)
         return {
             each.topic: Offer(each.key, each.other_type, each.type_hash)
             for each in tokens

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 from ros_diagnostics_exporter.model import ZENOH, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.receiver import Receiver
+from ros_diagnostics_exporter.sources.topic_entries import REFUSED_FOR
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
-
-REFUSED_FOR = 30.0  # seconds until a topic that could not be read is asked for again
 
 
 class Offer(NamedTuple):

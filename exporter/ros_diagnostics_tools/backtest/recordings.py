@@ -16,6 +16,7 @@ from typing import NamedTuple
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.decode import cdr
 from ros_diagnostics_exporter.model import Array, Domain, Topic
+from ros_diagnostics_exporter.sources.topic_entries import ends_of
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import ros1
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
@@ -29,7 +30,6 @@ from ros_diagnostics_tools.backtest.formats import (
     Ros1,
     Undecodable,
 )
-from ros_diagnostics_tools.backtest.small_topics import is_asked
 
 OTHERS = 5  # topics of other types that are named
 PAUSE = 1.0  # seconds between two recordings from which on nobody was recording
@@ -95,7 +95,7 @@ class Recording:
         self.end = max(each.end for each in own)
 
     def _is_asked(self, topic: str) -> bool:
-        return is_asked(topic, self.source.asked)
+        return topic.endswith(ends_of(self.source.asked))
 
     def _event_log(self, fleet: Fleet) -> EventLog:
         try:

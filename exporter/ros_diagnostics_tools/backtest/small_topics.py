@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot
+from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Domain, Instant, Topic
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_tools.backtest.formats import Fields
-
-
-def asked_names(fleets: Iterable[Fleet]) -> frozenset[str]:
-    """The topics that entries name, as they are in fleet.yml: mostly in a robot's namespace."""
-    profiles = [profile for fleet in fleets for profile in fleet.profiles.values()]
-    names = {entry.topic for profile in profiles for entry in profile.topics}
-    return frozenset(names | {STATUS for profile in profiles if profile.actions})
-
-
-def is_asked(topic: str, names: frozenset[str]) -> bool:
-    """Whether a topic may be one that an entry names."""
-    return any(topic.endswith(f"/{name.removeprefix('/')}") for name in names)
 
 
 def small_topics(robot: Robot) -> set[Topic]:

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import ZENOH, Domain
+from ros_diagnostics_exporter.sources.topic_entries import asked_names
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
 from ros_diagnostics_tools.backtest.event_log import is_event_log
@@ -30,7 +31,6 @@ from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
-from ros_diagnostics_tools.backtest.small_topics import asked_names
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -176,7 +176,8 @@ def _run(options: BacktestOptions) -> None:
     fleet = _fleet(options, recording)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options, recording)
-    asked = asked_names(filter(None, (fleet, other)))
+    fleets = filter(None, (fleet, other))
+    asked = asked_names(each for one in fleets for each in one.profiles.values())
     sources = [
         replace(_source(bag, fleet, domain_id, options.namespace or ""), asked=asked)
         for bag in options.bags

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
-from ros_diagnostics_tools.backtest.small_topics import asked_names
+from ros_diagnostics_exporter.sources.topic_entries import asked_names
 from support.bags import judged, texts, write_messages
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -52,6 +52,6 @@ def test_a_goal_that_was_aborted_is_a_fault_until_one_succeeds(tmp_path, storage
     (tmp_path / "fleet.yml").write_text(FLEET)
     fleet = load(tmp_path / "fleet.yml")
 
-    result = judged(fleet, bag, asked=asked_names([fleet]))
+    result = judged(fleet, bag, asked=asked_names(fleet.profiles.values()))
 
     assert texts(result) == ["60.5 70.5 120.5 dock_robot critical"]

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.backtest.small_topics import asked_names
+from ros_diagnostics_exporter.sources.topic_entries import asked_names
 from support.bags import judged, texts, write_messages
 
 SAFETY, BOOL = "ur_dashboard_msgs/msg/SafetyMode", "std_msgs/msg/Bool"
@@ -47,7 +47,7 @@ def test_a_bag_without_diagnostics_gives_the_faults_of_its_topics(tmp_path, stor
     (tmp_path / "fleet.yml").write_text(FLEET)
     fleet = load(tmp_path / "fleet.yml")
 
-    result = judged(fleet, bag, asked=asked_names([fleet]))
+    result = judged(fleet, bag, asked=asked_names(fleet.profiles.values()))
 
     # What came 0.5 s after another message is read when that is due: 2 s after it.
     assert texts(result) == ["62 72 90 Safety critical", "100 110 130 E-stop critical"]
@@ -63,7 +63,7 @@ def test_a_bag_of_an_earlier_ros_needs_the_definition_beside_fleet_yml(tmp_path)
         database.execute("DROP TABLE message_definitions")
     (tmp_path / "fleet.yml").write_text(FLEET)
     fleet = load(tmp_path / "fleet.yml")
-    asked = asked_names([fleet])
+    asked = asked_names(fleet.profiles.values())
     result = judged(fleet, bag, asked=asked)
     assert {each.began.component for each in result.notifications} == {"watch"}
 
