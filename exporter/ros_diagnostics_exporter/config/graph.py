@@ -10,19 +10,17 @@ from typing_extensions import override
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described
 from ros_diagnostics_exporter.config.patterns import Wildcards
-from ros_diagnostics_exporter.config.scalars import PositiveDuration
-
-_NODE = r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*"
+from ros_diagnostics_exporter.config.scalars import NAME, PositiveDuration
 
 
 def _node_name(value: Any) -> str:
-    if not isinstance(value, str) or not re.fullmatch(_NODE, value):
+    if not isinstance(value, str) or not re.fullmatch(NAME, value):
         what = f"{quoted(value)} is not the name of a node"
         raise WrongValueError(what, "write it as `ros2 node list` does, such as /robot_1/amcl")
     return value
 
 
-NodeName = Annotated[str, Value(_node_name, "name of a node", type="string", pattern=f"^{_NODE}$")]
+NodeName = Annotated[str, Value(_node_name, "name of a node", type="string", pattern=f"^{NAME}$")]
 NO_RATES = (
     "rates cannot be subscribed: this takes a filter in the publisher, which the exporter does not "
     "ask for (rclpy can only from 7.1.8 of ROS 2 Jazzy on)"

@@ -6,12 +6,11 @@ https://prometheus.io/docs/practices/naming/.
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Any
 
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 from ros_diagnostics_exporter.config.keys import Value
-from ros_diagnostics_exporter.config.scalars import MAX_NAME, text
+from ros_diagnostics_exporter.config.scalars import MAX_NAME, matching, text
 
 # Of the exporter's families, of Prometheus' client and of Prometheus itself.
 RESERVED_METRIC_PREFIXES = (
@@ -40,12 +39,9 @@ _METRIC = r"[a-zA-Z_][a-zA-Z0-9_]*"
 
 def metric_name(value: Any) -> str:
     """The name of a gauge of its own for a key-value."""
-    found = text(value)
     remedy = "use a name such as ros_battery_voltage_volts"
-    if len(found) > MAX_NAME or not re.fullmatch(_METRIC, found, re.ASCII):
-        raise WrongValueError(
-            f"{quoted(found)} is not a metric name (letters, digits and _)", remedy
-        )
+    what = "is not a metric name (letters, digits and _)"
+    found = matching(value, _METRIC, what, remedy, MAX_NAME)
     if found in RESERVED_METRICS or found.startswith(RESERVED_METRIC_PREFIXES):
         raise WrongValueError(f"the metric name {quoted(found)} is reserved", remedy)
     for suffix in RESERVED_METRIC_SUFFIXES:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 from ros_diagnostics_exporter.config.keys import Value
-from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, text
+from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, matching, text
 from ros_diagnostics_exporter.regex import Pattern, RegexError, escape
 
 MAX_PATTERN = 500  # characters
@@ -96,10 +96,8 @@ def written(patterns: Iterable[Pattern]) -> str:
 
 def topic_template(value: Any) -> str:
     """A topic in which one part may contain `{robot}`, and `*` is a part of any name."""
-    found = text(value)
-    if len(found) > MAX_TOPIC or not re.fullmatch(_TOPIC, found, re.ASCII):
-        remedy = "write a topic as /{robot}/diagnostics_agg, with * for a part of any name"
-        raise WrongValueError(f"{quoted(found)} is not a pattern for topics", remedy)
+    remedy = "write a topic as /{robot}/diagnostics_agg, with * for a part of any name"
+    found = matching(value, _TOPIC, "is not a pattern for topics", remedy, MAX_TOPIC)
     if found.count(ROBOT) > 1:
         raise WrongValueError(
             f"{quoted(found)} has {ROBOT} twice", "keep one and write * for the other"
@@ -109,10 +107,8 @@ def topic_template(value: Any) -> str:
 
 def key_template(value: Any) -> str:
     """The beginning of zenoh keys with `{robot}` or `*`, as topics begin; see `key_prefix`."""
-    found = text(value)
-    if len(found) > MAX_TOPIC or not re.fullmatch(_KEY, found, re.ASCII):
-        remedy = "write it as customer_a/{robot}, or / where the keys begin with the topic"
-        raise WrongValueError(f"{quoted(found)} is not the beginning of zenoh keys", remedy)
+    remedy = "write it as customer_a/{robot}, or / where the keys begin with the topic"
+    found = matching(value, _KEY, "is not the beginning of zenoh keys", remedy, MAX_TOPIC)
     return "" if found == "/" else f"/{found}"
 
 
@@ -132,11 +128,8 @@ def _template_pattern(template: str, part: str) -> str:
 
 def name_template(value: Any) -> str:
     """A name or a host made of `{robot}` and `{domain_id}`."""
-    found = text(value)
-    if len(found) > MAX_NAME or not re.fullmatch(_NAME, found, re.ASCII):
-        remedy = "use letters, digits, - _ . : and {robot}, {domain_id}"
-        raise WrongValueError(f"{quoted(found)} is not a template for names", remedy)
-    return found
+    remedy = "use letters, digits, - _ . : and {robot}, {domain_id}"
+    return matching(value, _NAME, "is not a template for names", remedy, MAX_NAME)
 
 
 def split(value: Any) -> Pattern:

@@ -11,6 +11,7 @@ import zoneinfo
 from collections.abc import Callable
 from datetime import datetime
 from itertools import chain
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,6 +33,7 @@ LEAST_CANARY = 60  # seconds between two canaries
 MOST_RECORDED = 600  # seconds of a recording before or after the begin of its fault
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
+NAME = r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*"  # of a node, or a topic
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
 _KEY = r"[A-Za-z0-9_][A-Za-z0-9_.:-]*(?:/[A-Za-z0-9_][A-Za-z0-9_.:-]*)*"
 _LOCATOR = r"(?:tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
@@ -71,6 +73,17 @@ def text(value: Any) -> str:
             f"{quoted(value)} has an unpaired surrogate", "remove the escape \\ud..."
         )
     return value
+
+
+def matching(value: Any, pattern: str, what: str, remedy: str, most: float = inf) -> str:
+    """`value` if it is text that the whole pattern matches, of at most ``most`` characters.
+
+    ``what`` is said of a text that is not, as in "is not a host", and ``remedy`` how to mend it.
+    """
+    found = text(value)
+    if len(found) > most or not re.fullmatch(pattern, found, re.ASCII):
+        raise WrongValueError(f"{quoted(found)} {what}", remedy)
+    return found
 
 
 def duration(value: Any) -> float:
@@ -160,12 +173,8 @@ def topic(value: Any) -> str:
     name = text(value)
     if name and not name.startswith("/"):
         raise WrongValueError(f"{quoted(name)} is not absolute", f"start it with a slash: /{name}")
-    if len(name) > MAX_TOPIC or not re.fullmatch(_TOPIC, name, re.ASCII):
-        raise WrongValueError(
-            f"{quoted(name)} is not a valid ROS name",
-            "use parts of letters, digits and _, not starting with a digit: /robot_1/diagnostics",
-        )
-    return name
+    remedy = "use parts of letters, digits and _, not starting with a digit: /robot_1/diagnostics"
+    return matching(name, _TOPIC, "is not a valid ROS name", remedy, MAX_TOPIC)
 
 
 def namespace(value: Any) -> str:
@@ -175,22 +184,16 @@ def namespace(value: Any) -> str:
 
 def key_prefix(value: Any) -> str:
     """The beginning of zenoh keys, as topics begin: `a/b` -> `/a/b`; `/`, for none, -> ``."""
-    found = text(value)
-    if found == "/":
+    if value == "/":
         return ""
-    if len(found) > MAX_TOPIC or not re.fullmatch(_KEY, found, re.ASCII):
-        remedy = "write it as customer_a/robot_1, or / where the keys begin with the topic"
-        raise WrongValueError(f"{quoted(found)} is not the beginning of a zenoh key", remedy)
-    return f"/{found}"
+    remedy = "write it as customer_a/robot_1, or / where the keys begin with the topic"
+    return "/" + matching(value, _KEY, "is not the beginning of a zenoh key", remedy, MAX_TOPIC)
 
 
 def locator(value: Any) -> str:
     """Where zenoh connects to."""
-    found = text(value)
-    if not re.fullmatch(_LOCATOR, found, re.ASCII):
-        remedy = "write protocol, host and port, as in tls/centre.example.org:7447"
-        raise WrongValueError(f"{quoted(found)} is not a zenoh locator", remedy)
-    return found
+    remedy = "write protocol, host and port, as in tls/centre.example.org:7447"
+    return matching(value, _LOCATOR, "is not a zenoh locator", remedy)
 
 
 def file(value: Any) -> Path:
@@ -229,20 +232,13 @@ def is_name(text: str) -> bool:
 
 def address(value: Any) -> str:
     """A host name or an IP address, without port, scheme or spaces."""
-    found = text(value)
-    if len(found) > 253 or not re.fullmatch(_ADDRESS, found, re.ASCII):
-        raise WrongValueError(
-            f"{quoted(found)} is not a host", "write a host name or an IP address"
-        )
-    return found
+    return matching(value, _ADDRESS, "is not a host", "write a host name or an IP address", 253)
 
 
 def label_name(value: Any) -> str:
     """The name of a label: valid for Prometheus and not reserved."""
-    found = text(value)
-    if not re.fullmatch(_LABEL, found, re.ASCII) or len(found) > MAX_NAME:
-        remedy = "use letters, digits and _, not beginning with a digit"
-        raise WrongValueError(f"{quoted(found)} cannot be the name of a label", remedy)
+    remedy = "use letters, digits and _, not beginning with a digit"
+    found = matching(value, _LABEL, "cannot be the name of a label", remedy, MAX_NAME)
     if found in RESERVED_LABELS or found.startswith(RESERVED_LABEL_PREFIXES):
         raise WrongValueError(f"the label {quoted(found)} is reserved", "choose another name")
     return found
@@ -303,9 +299,7 @@ def _minutes(clock: str) -> int:
 def moment(value: Any) -> datetime:
     """A date and time by ISO 8601; without an offset, in the entry's time zone."""
     remedy = "write it like 2026-03-28T22:00 or 2026-03-28T22:00:00+01:00"
-    found = text(value)
-    if not re.fullmatch(_MOMENT, found, re.ASCII):
-        raise WrongValueError(f"{quoted(found)} is not a date and time", remedy)
+    found = matching(value, _MOMENT, "is not a date and time", remedy)
     try:
         # Python 3.10 does not know "Z".
         return datetime.fromisoformat(found.replace("Z", "+00:00"))

@@ -1,6 +1,5 @@
 """The key `topics` of a profile: fields of small topics that become components of a robot."""
 
-import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -14,33 +13,28 @@ from ros_diagnostics_exporter.config.patterns import Equals
 from ros_diagnostics_exporter.config.scalars import (
     MAX_NAME,
     MAX_TOPIC,
+    NAME,
     Name,
     PositiveDuration,
+    matching,
     text,
 )
 
 LEAST_EVERY = 1.0  # seconds: domains look at what has arrived about once a second
 OTHER = "other"  # in levels: all that is not named there
-_NAME = r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*"
 _STEP = r"[A-Za-z][A-Za-z0-9_]*(?:\[(?:[0-9]{1,5}|\*|[A-Za-z][A-Za-z0-9_]*)\])?"
 _PATH = rf"{_STEP}(?:\.{_STEP}){{0,9}}"
 _WORD = f"^.{{1,{MAX_NAME}}}$"
 
 
 def _topic_name(value: Any) -> str:
-    name = text(value)
-    if len(name) > MAX_TOPIC or not re.fullmatch(_NAME, name, re.ASCII):
-        remedy = "write it as `ros2 topic list` does, or without the robot's namespace: e_stop"
-        raise WrongValueError(f"{quoted(name)} is not the name of a topic", remedy)
-    return name
+    remedy = "write it as `ros2 topic list` does, or without the robot's namespace: e_stop"
+    return matching(value, NAME, "is not the name of a topic", remedy, MAX_TOPIC)
 
 
 def _field_path(value: Any) -> str:
-    path = text(value)
-    if not re.fullmatch(_PATH, path, re.ASCII):
-        remedy = "write it as percentage, status.level, cell_voltage[0] or effort[name]"
-        raise WrongValueError(f"{quoted(path)} is not the path of a field", remedy)
-    return path
+    remedy = "write it as percentage, status.level, cell_voltage[0] or effort[name]"
+    return matching(value, _PATH, "is not the path of a field", remedy)
 
 
 def _word(value: Any) -> str:
@@ -59,7 +53,7 @@ def _folded(levels: dict[str, int]) -> Mapping[str, int]:
 
 
 TopicName = Annotated[
-    str, Value(_topic_name, "topic", type="string", pattern=f"^{_NAME}$", maxLength=MAX_TOPIC)
+    str, Value(_topic_name, "topic", type="string", pattern=f"^{NAME}$", maxLength=MAX_TOPIC)
 ]
 FieldPath = Annotated[
     str, Value(_field_path, "path of a field", type="string", pattern=f"^{_PATH}$")
