@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -50,8 +51,7 @@ class Beside:
         for thread in self._threads:
             thread.join()
 
-    def _repeat(self, interval: float, work: object) -> None:
-        assert callable(work)
+    def _repeat(self, interval: float, work: Callable[[], None]) -> None:
         while not self._stop.wait(interval):
             work()
 
