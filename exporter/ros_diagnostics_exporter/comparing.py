@@ -44,7 +44,7 @@ class Second:
             [sys.executable, "-m", PROGRAM, str(domain), str(LISTEN), *topics, *ros_arguments],
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,  # which has room for all that it says
+            stdout=subprocess.PIPE,  # which holds all that it says
             text=True,
         )
 
@@ -116,10 +116,10 @@ class Comparing:
     def _judge(self, known: _Compared, second: Second, now: Instant) -> Mapping[Domain, str]:
         domain, before = self._domain, known.missed
         known.since = known.since if before else second.began
-        heard, known.missed = second.stop(), set()
+        received, known.missed = second.stop(), set()
         if self._listener.joined_at.get(domain, inf) > known.since:
             return {}  # it was joined anew meanwhile, or left
-        missed = heard - self._listener.received_since(domain, heard, known.since)
+        missed = received - self._listener.received_since(domain, received, known.since)
         why = f"another process receives {_named(missed)}, and this one does not"
         if missed and before:
             return {domain: why}

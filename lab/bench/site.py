@@ -49,7 +49,7 @@ def running(
 ) -> Iterator[BenchSite]:
     """A site in a folder of its own.
 
-    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml behind its discovery, in
+    ``seconds`` is how long a router lasts, ``more`` are lines of fleet.yml after its discovery, in
     which DOMAIN is where the robots are, ``options`` those of the exporter.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:

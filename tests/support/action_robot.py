@@ -1,4 +1,4 @@
-"""A robot's action servers as rclpy has them, in a process of their own that is told what happens.
+"""A robot's action servers as rclpy has them, in a process of their own which takes commands.
 
 It takes a line for each thing on standard input: ``begin NAME`` (a client sends a goal),
 ``succeed NAME``, ``abort NAME``, ``cancel NAME`` (of the goal that began first), ``replace NAME``

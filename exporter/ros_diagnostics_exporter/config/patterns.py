@@ -115,10 +115,10 @@ def key_template(value: Any) -> str:
 def topic_pattern(template: str, prefix: str = "") -> re.Pattern[str]:
     """The pattern (fullmatch on topics) of a valid template; group "robot" if it has {robot}.
 
-    ``prefix`` is of zenoh's keys; with no template every topic behind it matches.
+    ``prefix`` is of zenoh's keys; with no template every topic after it matches.
     """
-    behind = _template_pattern(template, "[A-Za-z0-9_]+") if template else INNERMOST.pattern
-    return re.compile(_template_pattern(prefix, "[A-Za-z0-9_.:-]+") + behind)
+    topic = _template_pattern(template, "[A-Za-z0-9_]+") if template else INNERMOST.pattern
+    return re.compile(_template_pattern(prefix, "[A-Za-z0-9_.:-]+") + topic)
 
 
 def _template_pattern(template: str, part: str) -> str:

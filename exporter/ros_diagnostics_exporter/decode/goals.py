@@ -1,7 +1,7 @@
 """A serialized action_msgs/GoalStatusArray -> the goals that an action server keeps, without ROS.
 
 CDR, as in `cdr`: a count, then of each goal an id of 16 bytes, when the server accepted it by its
-own clock, and a status. Behind the first goal each takes 28 bytes.
+own clock, and a status. Every goal after the first takes 28 bytes.
 """
 
 from __future__ import annotations

@@ -66,8 +66,8 @@ def end_of_topic(discovery: Discovery) -> str:
     """The end of the names of any topics that a discovery looks for; "" of one of diagnostics."""
     if discovery.source is not Source.NONE:
         return ""
-    _before, _robot, behind = discovery.template.rpartition(ROBOT)
-    return behind.partition("/")[2]
+    _before, _robot, after = discovery.template.rpartition(ROBOT)
+    return after.partition("/")[2]
 
 
 def _is_included(discovery: Discovery, name: str) -> bool:

@@ -54,7 +54,7 @@ class FleetMissions:
         ends: list[GoalEnd] = []
         if change.what != "restarted":
             ends = action.set_there(there=change.what == "came", now=now)
-        elif action.goals.heard_at <= change.since:  # else its goals may be the new server's
+        elif action.goals.received_at <= change.since:  # else its goals may be the new server's
             ends = action.restart(now)
         self._take(robot, [action], [(action, end) for end in ends], now)
 

@@ -106,7 +106,7 @@ class Goals:
     """The goals of one server. Each method returns what ended by it; ``mono`` is monotonic."""
 
     __slots__ = (
-        *("counts", "heard_at", "_known", "_running", "_held", "_newest", "_number"),
+        *("counts", "received_at", "_known", "_running", "_held", "_newest", "_number"),
         *("_accepted_at", "_is_joined", "_is_first", "_away_since"),
     )
 
@@ -121,7 +121,7 @@ class Goals:
         self._is_joined = False  # a list was received before, by whichever process
         self._is_first = True  # the next list is the first of this process
         self._away_since: float | None = None
-        self.heard_at = -inf  # when the last list was received
+        self.received_at = -inf  # when the last list was received
 
     @property
     def state(self) -> tuple[object, ...]:
@@ -155,7 +155,7 @@ class Goals:
     def see(self, goals: Iterable[Goal], mono: float) -> list[GoalEnd]:
         """Take a list as it was received."""
         before, ends = self.return_(mono), list[GoalEnd]()
-        self.heard_at = mono
+        self.received_at = mono
         goals = {each.key: each for each in goals}.values()
         known, self._known = self._known, {each.key: each.has_ended for each in goals}
         for key in self._running.keys() - self._known.keys():

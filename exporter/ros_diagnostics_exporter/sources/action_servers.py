@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 
 GOALS_TYPE = "action_msgs/msg/GoalStatusArray"
-STATUS = "/_action/status"  # behind the name of an action
+STATUS = "/_action/status"  # after the name of an action
 MOST = 20  # actions of one robot; those that an entry of fleet.yml names come first
 # ... of a domain that no entry names, by the names of their robots: with Fast DDS each subscription
 # takes up to 90 KiB, which a large fleet has not asked for.

@@ -114,7 +114,7 @@ log = logging.getLogger(__name__)
 SMALL_DEPTH = 200  # messages of a small topic that wait between two looks
 RETRY = 2.0  # seconds between two attempts to reach a router
 MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
-ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once there is room for more
+ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once more may be kept
 # Of the time at most this share is spent on looks: where tokens are many they are further apart
 # than ``poll_interval``, up to five times as far.
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
@@ -265,7 +265,7 @@ class ZenohNetwork(Reception):
         self.complete_look(now)
 
     def _follow_asked(self, now: Instant) -> None:
-        """Have the tokens noted of what is asked for, and all of them again once there is room."""
+        """Have the tokens noted of what is asked for, and all again once more may be kept."""
         asked = self.receiver.asked_topics(ZENOH)
         again = asked != self._asked
         self._asked = asked

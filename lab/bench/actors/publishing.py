@@ -78,7 +78,7 @@ def publish_fleet(
 
 
 def publish_joints(where: str, robots: range, rate: float, seconds: float) -> None:
-    """Publish each robot's joints so many times a second, evenly spread; whoever listens or not."""
+    """Publish each robot's joints so many times a second, evenly spread, subscribed or not."""
     names = [f"joint_{number}" for number in range(10)]
     with publisher(int(where)) as fleet:
         topics = [f"/robot_{robot}/joint_states" for robot in robots]
