@@ -1,18 +1,17 @@
-"""Keeps the exporter in the domains of the config, and joins those anew that have become deaf."""
+"""Joins the domains again that could not be joined, and anew those that have become deaf."""
 
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from ros_diagnostics_exporter.comparing import Comparing
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Domain, Instant, place
 from ros_diagnostics_exporter.sources.listener import Listener
-from ros_diagnostics_exporter.sources.source import ArraySource
 
 log = logging.getLogger(__name__)
 
@@ -29,13 +28,10 @@ def is_deaf(are_up: Sequence[bool]) -> bool:
 
 
 class Joining:
-    """The sources of an exporter, as they follow the config and the network."""
+    """The domains of an exporter, as they follow the network."""
 
-    def __init__(
-        self, state: FleetState, listener: Listener, sources: Sequence[ArraySource]
-    ) -> None:
-        self._state, self._listener, self._sources = state, listener, sources
-        self._configured = threading.Event()  # anew; its domains are not joined yet
+    def __init__(self, state: FleetState, listener: Listener) -> None:
+        self._state, self._listener = state, listener
         self._join_at = 0.0  # what could not be joined, monotonic
         self.loop = Loop("domains", INTERVAL, self.turn, end=self._end)
 
@@ -46,37 +42,22 @@ class Joining:
     def _end(self) -> None:
         self._comparing.stop()
 
-    def configured(self) -> None:
-        """Note that there is another config; it is followed soon."""
-        for domain_id in self._listener.domain_ids:  # also for robots that are new
-            self._state.domain_joined(domain_id)
-        self._configured.set()
-        self.loop.wake()
-
-    def join(self) -> None:
-        """Have all sources follow the config; a domain that cannot be joined is tried again.
-
-        Does not wait until they are joined, and at most some seconds until others are left.
-        """
-        self._join_at = read_clocks().mono + AGAIN
-        for source in self._sources:
-            source.follow(self._state.fleet)
-        for domain_id in self._listener.domain_ids:
-            self._state.domain_joined(domain_id)
+    def configure(self, _fleet: Fleet, now: Instant) -> None:
+        """Give the domains of another config, which the listener joins now, their time."""
+        self._join_at = now.mono + AGAIN
 
     def turn(self) -> None:
-        """Join what the config adds, what could not be joined, and anew what has become deaf."""
+        """Join what could not be joined, and anew what has become deaf."""
         now = read_clocks()
         anew = self._find_deaf(now)
         if anew:
             self._leave(anew, now)
-        elif self._configured.is_set():
-            self._configured.clear()
         elif now.mono < self._join_at or self._listener.domain_ids == self._state.fleet.domain_ids:
             return
         else:
             self._note_late(now)
-        self.join()
+        self._join_at = now.mono + AGAIN
+        self._listener.join()
 
     def _note_late(self, now: Instant) -> None:
         for domain_id in self._listener.joining:

@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.api.occurrences import history
 from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.config.reloader import Reloader
+from ros_diagnostics_exporter.config.reloader import ConfigReader, Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.faults.model import Fault, fault_id, fault_of
 from ros_diagnostics_exporter.firing import read as read_firing
@@ -95,9 +95,6 @@ class Service:
             None if storage is None else self._make_recordings(storage.path, config_file)
         )
         self.canary = Canary(now)
-        self.reloader = Reloader(
-            config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
-        )
         self.alertmanager = alertmanager
         self._forgetting = Forgetting(self.state, alertmanager)
         self._asked = threading.Event()  # Alertmanager, once
@@ -119,7 +116,14 @@ class Service:
         self.listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
         self._sources: tuple[ArraySource, ...] = (self.listener, self._prometheus)
-        self._joining = Joining(self.state, self.listener, self._sources)
+        self._joining = Joining(self.state, self.listener)
+        self.reloader = Reloader(
+            config_file,
+            fleet,
+            readers=self._readers(),
+            record=self.events.record,
+            clocks=read_clocks,
+        )
         self.ros = describe_ros()
         self.scrapes, self.scrape_seconds = 0, 0.0
         self.rejected_logins = RejectedLogins()
@@ -135,7 +139,8 @@ class Service:
             self.state.plan((), read_clocks())  # nobody could cancel those of the database
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
-        self._joining.join()
+        for reader in (*self._sources, self._joining):
+            reader.configure(self.state.fleet, read_clocks())
         keep_watch()
         for loop in (self._tick_loop, self._joining.loop):
             loop.start()
@@ -280,11 +285,10 @@ class Service:
         """Have the config read again soon; the log says how that ends."""
         self.reloader.request(why)
 
-    def _configure(self, fleet: Fleet) -> None:
-        self.state.configure(fleet, read_clocks())
-        if self._recordings is not None:
-            self._recordings.configure(fleet.recordings)
-        self._joining.configured()
+    def _readers(self) -> tuple[ConfigReader, ...]:
+        """What follows fleet.yml: the state first, which the sources report to."""
+        recordings = () if self._recordings is None else (self._recordings,)
+        return (self.state, *recordings, *self._sources, self._joining)
 
     def stop(self) -> None:
         """Write the state, leave the domains, and write what they brought meanwhile."""

@@ -1,16 +1,19 @@
 """Reloads the config on request and when its files have changed, in a loop of its own.
 
-If the file system hangs, only this loop waits, and a request for a reload gets an error.
+There is one way from fleet.yml to its readers: each is a `ConfigReader`, and is configured in turn.
+When a reload ends, all of them follow it. If the file system hangs, only this loop waits, and a
+request for a reload gets an error.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
+from typing import Protocol
 
 from ros_diagnostics_exporter.config.errors import ConfigError, Finding
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -28,13 +31,20 @@ LISTED = 3  # problems in an event
 FILES_CHANGED = "its files changed"
 
 
+class ConfigReader(Protocol):
+    """A part of the exporter that keeps something of the config."""
+
+    def configure(self, fleet: Fleet, now: Instant) -> None:
+        """Follow another config, before this returns; what that leaves unchanged goes on."""
+
+
 class Reloader:
     """Keeps the config in step with its files.
 
     Args:
         path: fleet.yml.
         fleet: The Fleet that was read at the start.
-        apply: Called with every Fleet that is read, in the reloader's loop.
+        readers: Each is configured with every Fleet that is read, in the reloader's loop.
         record: Called with an event for every attempt that changes something.
         clocks: Returns the time.
     """
@@ -44,13 +54,13 @@ class Reloader:
         path: Path,
         fleet: Fleet,
         *,
-        apply: Callable[[Fleet], None],
+        readers: Sequence[ConfigReader],
         record: Callable[[Event], None],
         clocks: Callable[[], Instant],
     ) -> None:
         self._path = path
         self._fleet = fleet
-        self._apply = apply
+        self._readers = readers
         self._record = record
         self._clocks = clocks
         self._watcher = FileWatcher(fleet.sources)
@@ -97,6 +107,12 @@ class Reloader:
             what = f"has not been read after {TIMEOUT:.0f} s"
             remedy = "check whether its disk or network folder responds; the result is logged"
             raise ConfigError([Finding(self._path, None, "", what, remedy)]) from None
+
+    def configure(self, fleet: Fleet) -> None:
+        """Have all readers follow a config."""
+        now = self._clocks()
+        for reader in self._readers:
+            reader.configure(fleet, now)
 
     def tick(self) -> None:
         """Log once if a read hangs."""
@@ -147,7 +163,7 @@ class Reloader:
         self.time = self._clocks().wall
         if same and not requested:
             return
-        self._apply(fleet)
+        self.configure(fleet)
         self._fleet, self._error, self._successful = fleet, "", True
         self._record(Event(self.time, "config", after="read"))
         log.info("reloaded the config: %s", why)

@@ -227,18 +227,18 @@ class FleetState(WatchedFleet):
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
         """Apply another config; robots that it leaves unchanged keep all that is known.
 
-        The robots follow it one by one: the lock is held for some of them at a time.
+        The robots follow it one by one: the lock is held for some of them at a time. Then what is
+        watched of them in the ROS graph follows, and what of the config matches nothing.
         """
         with self._turn:
             steps = self._configure(fleet, now)
             while self._go_on(steps):
                 time.sleep(0)  # else this thread takes the lock again before another wakes up
+            self._configure_watch(now)
+        self.find_unmatched(now)
 
     def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
         self.fleet = fleet
-        with self._watching:
-            self._watch.leave_others(fleet.domain_ids)
-            self._watch.forget_types()
         self._faults.configure(fleet, now)
         self._feeds = _feeds(fleet)
         for robot in self._registry.configure(fleet, now):

@@ -164,10 +164,9 @@ class WatchedFleet(ABC):
 
         Returns whether any robot there is watched.
         """
-        robots = self._robots_of(domain_id)
+        robots = self._watch_robots(domain_id, now)
         shown = [robot for robot in robots if robot.is_shown_by_nodes(now)]
         with self._watching:
-            self._watch.follow(domain_id, (each.settings for each in robots), now)
             self._watch.see_nodes(domain_id, nodes, now)
             reports = list(self._watch.reports(domain_id, now))
             watches = self._watch.watches(domain_id)
@@ -178,6 +177,20 @@ class WatchedFleet(ABC):
         for report in reports:
             self._receive_report(report, now)
         return watches
+
+    def _configure_watch(self, now: Instant) -> None:
+        """Have the watch follow the config, after the robots did."""
+        with self._watching:
+            watched = self._watch.configure(self.fleet.domain_ids)
+        for domain_id in watched:
+            self._watch_robots(domain_id, now)
+
+    def _watch_robots(self, domain_id: Domain, now: Instant) -> list[RobotState]:
+        """Watch the robots of a domain that there are now, by their settings; returns them."""
+        robots = self._robots_of(domain_id)
+        with self._watching:
+            self._watch.set_robots(domain_id, (each.settings for each in robots), now)
+        return robots
 
     def _robots_of(self, domain_id: Domain) -> list[RobotState]:
         """The robots of a domain that have a namespace of their own."""
@@ -322,9 +335,8 @@ class WatchedFleet(ABC):
 
         Returns those of the topics to be subscribed beside diagnostics.
         """
-        robots = self._robots_of(domain_id)
+        self._watch_robots(domain_id, now)
         with self._watching:
-            self._watch.follow(domain_id, (each.settings for each in robots), now)
             wanted = self._watch.wanted(domain_id, types, now)
             reports = list(self._watch.reports(domain_id, now))
         self._follow_servers(now)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from ros_diagnostics_exporter.config.fleet import RecordingSettings
+from ros_diagnostics_exporter.config.fleet import Fleet, RecordingSettings
 from ros_diagnostics_exporter.config.load import FOLDERS, files_of
 from ros_diagnostics_exporter.config.yaml_file import read
 from ros_diagnostics_exporter.decode.messages import UnknownTypeError
@@ -120,13 +120,15 @@ class FaultRecordings:
         self._limits = limits or Kept()
         self._waiting: deque[Waiting] = deque()
         self._begun: deque[float] = deque()  # of late, monotonic
-        self._settings = RecordingSettings()
-        self.configure(settings or self._settings)
+        self._keep(settings or RecordingSettings())
         self._newest: dict[str, float] | None = None  # when its fault began, by id; None: not known
         self._so_far: dict[str, bytes] = {}  # of those that are not complete, by id
 
-    def configure(self, settings: RecordingSettings) -> None:
+    def configure(self, fleet: Fleet, _now: Instant) -> None:
         """Follow the config; a recording that is under way ends as it began."""
+        self._keep(fleet.recordings)
+
+    def _keep(self, settings: RecordingSettings) -> None:
         self._settings = settings
         self.rings.keep = settings.before + settings.after
 

@@ -72,7 +72,7 @@ class GraphWatch:
         """The action servers of all robots: made for the first look at a graph."""
         return ActionServers()
 
-    def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
+    def set_robots(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
         """Take the robots of a domain as they are now; each has what is in its namespace."""
         robots = tuple(robots)
         if self._owners[domain].robots == robots:
@@ -92,14 +92,19 @@ class GraphWatch:
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
 
-    def leave_others(self, domains: Container[Domain]) -> None:
-        """Drop the robots of all domains but these, which are not joined any more."""
+    def configure(self, domains: Container[Domain]) -> list[Domain]:
+        """Drop the robots of all domains but these; returns those of which robots were set.
+
+        Definitions of types are read again: somebody may have put others beside fleet.yml.
+        """
+        self._types = None
         for domain in [each for each in self._owners if each not in domains]:
             for known in (self._owners, self._nodes, self._wanted, self._entries):
                 known.pop(domain, None)
             self._chosen.pop(domain, None)
             self.servers.choose(domain, {})
         self._drop_others()
+        return list(self._owners)
 
     def _drop_others(self) -> None:
         """Drop the robots that no domain has any more."""
@@ -208,10 +213,6 @@ class GraphWatch:
         if self._types is None:
             self._types = MessageTypes(self.folder)
         return self._types
-
-    def forget_types(self) -> None:
-        """Read the definitions of types again: somebody may have put others beside fleet.yml."""
-        self._types = None
 
     def present(self, domain: Domain) -> set[str]:
         """The robots of which a node is there."""

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Zenoh
+from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
 from ros_diagnostics_exporter.loops import Loop
-from ros_diagnostics_exporter.model import ZENOH, Domain, place
+from ros_diagnostics_exporter.model import ZENOH, Domain, Instant, place
 from ros_diagnostics_exporter.sources.addresses import local_addresses
 from ros_diagnostics_exporter.sources.dds import DdsDomain
 from ros_diagnostics_exporter.sources.receiver import Receiver
@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.sources.ros_environment import (
 )
 from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 
-LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
+LEAVE_TIME = 4.0  # seconds that domains are waited for when they are left
 STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
 
@@ -43,7 +43,7 @@ class Listener:
         self.ros_arguments = ros_arguments
         self._receiver = receiver
         self._log_folder: TemporaryDirectory[str] | None = None
-        self._max_message = Limits().message_bytes
+        self._fleet: Fleet | None = None  # the config that it follows
         self._domains: dict[Domain, Reception] = {}  # in the order of the config
         self._addresses: frozenset[str] = frozenset()  # of this machine, when last asked
         self._joining = threading.Lock()
@@ -51,19 +51,28 @@ class Listener:
         self.decode_seconds = 0.0
         self.ingest_seconds = 0.0
 
-    def follow(self, fleet: Fleet) -> None:
-        """Be in exactly the domains of this config.
+    def configure(self, fleet: Fleet, _now: Instant) -> None:
+        """Be in exactly the domains of this config."""
+        with self._joining:
+            self._fleet = fleet
+            self._join(fleet)
 
-        Each is joined by a thread of its own, which calls ``joined`` or ``failed``: this waits for
-        none of them, and for those that are left at most ``LEAVE_TIME``. One that is still being
-        joined, or left, stays as it is.
+    def join(self) -> None:
+        """Join the domains of the config that could not be joined, or were left by `leave`.
+
+        Each is joined by a thread of its own, which calls ``domain_joined`` or ``domain_failed`` of
+        the receiver: this waits for none of them, and for those that are left at most
+        ``LEAVE_TIME``. One that is still being joined, or left, stays as it is.
         """
-        self._max_message = fleet.limits.message_bytes
-        self._join({each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids})
+        with self._joining:
+            if self._fleet is not None:
+                self._join(self._fleet)
 
     def stop(self) -> None:
         """Leave all domains."""
-        self._join({})
+        with self._joining:
+            self._fleet = None
+            self._be_in({})
 
     def find_outdated(self) -> list[Domain]:
         """The DDS domains that were joined with other addresses than this machine has now.
@@ -78,7 +87,7 @@ class Listener:
         ]
 
     def leave(self, domains: Iterable[Domain]) -> None:
-        """Leave these domains, which `follow` joins anew."""
+        """Leave these domains, which `join` joins anew."""
         with self._joining:
             self._leave([self._domains[each] for each in domains])
 
@@ -89,25 +98,29 @@ class Listener:
         for domain in leaving:
             domain.wait(max(0.0, deadline - time.monotonic()))
 
-    def _join(self, wanted: Mapping[Domain, Zenoh | None]) -> None:
-        with self._joining:
-            leaving = [
-                domain
-                for each, domain in self._domains.items()
-                if each not in wanted or domain.settings != wanted[each]
-            ]
-            self._leave(leaving)
-            alive = {each: domain for each, domain in self._domains.items() if domain.alive}
-            new = {
-                each: self._new(each, settings)
-                for each, settings in wanted.items()
-                if each not in alive
-            }
-            self._domains = {each: alive.get(each) or new[each] for each in wanted} | alive
-            for domain in self._domains.values():
-                domain.max_message = self._max_message
-            for domain in new.values():
-                domain.loop.start()
+    def _join(self, fleet: Fleet) -> None:
+        new = self._be_in({each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids})
+        for domain in self._domains.values():
+            domain.max_message = fleet.limits.message_bytes
+        for domain in new:
+            domain.loop.start()
+        for domain_id in self.domain_ids:  # so that robots that are new in it know
+            self._receiver.domain_joined(domain_id)
+
+    def _be_in(self, wanted: Mapping[Domain, Zenoh | None]) -> list[Reception]:
+        """Leave all other domains; returns those that are to be joined by their threads."""
+        leaving = [
+            domain
+            for each, domain in self._domains.items()
+            if each not in wanted or domain.settings != wanted[each]
+        ]
+        self._leave(leaving)
+        alive = {each: domain for each, domain in self._domains.items() if domain.alive}
+        new = {
+            each: self._new(each, settings) for each, settings in wanted.items() if each not in alive
+        }
+        self._domains = {each: alive.get(each) or new[each] for each in wanted} | alive
+        return list(new.values())
 
     def _new(self, domain: Domain, zenoh: Zenoh | None) -> Reception:
         free_large_blocks_at_once()

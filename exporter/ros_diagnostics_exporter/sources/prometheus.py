@@ -83,11 +83,11 @@ class Prometheus:
         self._client = client
         self._clocks = clocks
         self._asked: dict[str, _Asked] = {}
-        self._following = threading.Lock()
+        self._configuring = threading.Lock()
 
-    def follow(self, fleet: Fleet) -> None:
+    def configure(self, fleet: Fleet, _now: Instant) -> None:
         """Ask the queries of this config; those that it leaves unchanged go on."""
-        with self._following:
+        with self._configuring:
             wanted = {
                 each.name: (each, fleet.name, fleet.faults.value_hysteresis)
                 for each in fleet.queries
@@ -109,7 +109,7 @@ class Prometheus:
 
     def stop(self) -> None:
         """Ask nothing more, and pass on no answer that is under way."""
-        with self._following:
+        with self._configuring:
             for asked in self._asked.values():
                 asked.end()
             self._asked = {}

@@ -10,7 +10,7 @@ the one received last counts.
 
 A source rejects what it cannot read and counts or names it; it passes on texts that are valid
 Unicode and of any length. It calls a `Receiver` of its kind, from any of its threads, and never
-after `stop` has returned, nor for what `follow` has removed.
+after `stop` has returned, nor for what `configure` has removed.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.reloader import ConfigReader
 from ros_diagnostics_exporter.loops import Loop
 
 
-class ArraySource(Protocol):
-    """One kind of feeds; none of its methods waits for another program for longer than seconds."""
+class ArraySource(ConfigReader, Protocol):
+    """One kind of feeds, begun by the first call of `configure`.
+
+    None of its methods waits for another program for longer than seconds.
+    """
 
     @property
     def name(self) -> str:
         """As logs call it."""
-
-    def follow(self, fleet: Fleet) -> None:
-        """Begin, or go on by another config: what that leaves unchanged is not interrupted."""
 
     def stop(self) -> None:
         """End; nothing is received after that."""

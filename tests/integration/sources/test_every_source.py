@@ -110,7 +110,7 @@ def test_a_reload_leaves_what_it_does_not_change_and_takes_the_rest_out(way, run
         way.robots.send(f"/{name}/diagnostics", HOT)
         running.wait_for("robot_messages_total", 1, robot=name)
 
-    running.service._configure(way.fleet(stays, comes))
+    running.service.reloader.configure(way.fleet(stays, comes))
     until(lambda: not way.robots.listeners("/goes/diagnostics"), "the old topic is left")
     offer_new = "/comes/diagnostics"
     way.robots.offer(offer_new)

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Query, Robot, Source
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import read_clocks
@@ -88,6 +88,21 @@ def test_a_domain_whose_join_hangs_stops_nothing_and_is_joined_when_it_goes_on( 
     until(lambda: service.not_ready_reason() is None, "the exporter is ready")
 
 
+def test_when_a_reload_ends_the_sources_follow_it(ros_domain, other_domain, run_exporter):
+    running = run_exporter(Fleet("f", (robot("here", ros_domain),)))
+    running.wait_for("exporter_domain_up", 1, domain_id=str(ros_domain))
+    service = running.service
+    ping = Query("ping", "up", "ping")
+
+    service.reloader.configure(Fleet("f", (robot("there", other_domain),), queries=(ping,)))
+
+    assert [each.query.name for each in service.outcomes()] == [ping.name]
+    assert running.sample("exporter_domain_up", domain_id=str(ros_domain)) is None
+    assert set(service.listener.troubles) == {other_domain}
+    assert service.listener.domain_ids in ((), (other_domain,))
+    running.wait_for("exporter_domain_up", 1, domain_id=str(other_domain))
+
+
 def test_sigterm_ends_a_program_whose_join_hangs(
     ros_domain, dds_environment, start_process, free_port, tmp_path
 ):
@@ -139,7 +154,7 @@ def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
     running.wait_for("robot_silent_reason", 1, robot="r", reason="domain_unreachable")
     assert not contexts[0].ok()
 
-    running.service._joining.join()
+    running.service.listener.join()
     running.wait_for("exporter_domain_up", 1, domain_id=str(ros_domain))
     assert contexts[1].ok()
 

@@ -31,13 +31,17 @@ class Site:
         self.reloader = Reloader(
             path,
             load(path),
-            apply=self.fleets.append,
+            readers=[self],
             record=self.events.append,
             clocks=lambda: Instant(time.monotonic() + self.later, time.time() + self.later),
         )
 
     def write(self, name: str) -> None:
         self.path.write_text(CONFIG.format(name))
+
+    def configure(self, fleet, now) -> None:
+        assert now.wall <= time.time() + self.later
+        self.fleets.append(fleet)
 
     @property
     def names(self) -> list[str]:

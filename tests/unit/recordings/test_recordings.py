@@ -15,7 +15,7 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from ros_diagnostics_exporter.config.fleet import RecordingSettings
+from ros_diagnostics_exporter.config.fleet import Fleet, RecordingSettings
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.recordings import rings as rings_module
@@ -194,7 +194,7 @@ def test_before_and_after_are_those_of_the_config(tmp_path, config):
     recordings.turn(at(399))
     with pytest.raises(LookupError, match="is complete in 1 s"):
         recordings.read(FAULT, at(399))
-    recordings.configure(RecordingSettings())  # of those that begin from now on
+    recordings.configure(Fleet("f"), at(399))  # of those that begin from now on
     recordings.turn(at(400))
 
     content = recordings.read(FAULT, at(400))

@@ -37,7 +37,7 @@ class Playing:
         self.received: set[str] = set()  # by this process, but nothing that makes a robot up
         self.seconds: list[float] = []
         self.outdated: list[int] = []
-        self.followed = 0
+        self.joins = 0
         self.driver = driver
         listener: Any = SimpleNamespace(
             joined_at=(joined_at := {7: 1.0}),
@@ -47,12 +47,12 @@ class Playing:
             joining=(),
             find_outdated=lambda: self.outdated,
             leave=self.left.extend,
-            follow=self.follow,
+            join=self.join,
         )
         monkeypatch.setattr("ros_diagnostics_exporter.joining.read_clocks", lambda: driver.now)
         monkeypatch.setattr(comparing, "Second", self.listen)
         self.joined_at = joined_at
-        self.joining = Joining(driver.state, listener, [listener])
+        self.joining = Joining(driver.state, listener)
 
     def listen(self, domain: int, topics: set[str], _arguments: object) -> Any:
         assert domain == 7
@@ -60,8 +60,8 @@ class Playing:
         heard = set(topics) & self.heard
         return SimpleNamespace(began=self.driver.now.mono, listens=False, stop=lambda: heard)
 
-    def follow(self, _fleet: Fleet) -> None:
-        self.followed += 1
+    def join(self) -> None:
+        self.joins += 1
 
     def until(self, seconds: float, *received: str) -> None:
         while self.driver.now.mono < seconds:
@@ -75,10 +75,10 @@ class Playing:
 def test_a_domain_whose_robots_all_fall_silent_is_joined_anew(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
     playing.until(LEAST + 10, "a", "b")
-    assert (playing.left, playing.followed) == ([], 0)
+    assert (playing.left, playing.joins) == ([], 0)
     playing.until(LEAST + 20)
     assert set(playing.left) == {7}
-    assert playing.followed == len(playing.left)
+    assert playing.joins == len(playing.left)
     assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
 
 
@@ -99,7 +99,7 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
     playing.heard = {A}
     playing.until(REST + 20 + 3 + CONFIRM, "b")
     assert playing.left == [7]
-    assert playing.followed == 1
+    assert playing.joins == 1
     first, again = playing.seconds
     assert again - first == CONFIRM
     events = [each.message for each in playing.driver.events if each.kind == "config"]
@@ -198,7 +198,7 @@ def test_other_addresses_are_and_the_robots_silence_is_none_of_theirs(monkeypatc
     playing.driver.at(20)
     playing.outdated = [7]
     playing.joining.turn()
-    assert (playing.left, playing.followed) == ([7], 1)
+    assert (playing.left, playing.joins) == ([7], 1)
     events = [each.message for each in playing.driver.events if each.kind == "config"]
     assert events == ["domain 7: it is joined anew: this machine has other addresses"]
 

@@ -45,7 +45,7 @@ class Site:
         while self.now.mono < end:
             mono = min(end, self.now.mono + 1)
             self.now = Instant(mono, self.now.wall + mono - self.now.mono)
-            self.watch.follow(0, self._robots(), self.now)
+            self.watch.set_robots(0, self._robots(), self.now)
             self.watch.see_nodes(
                 0, [_split(f"{self.namespace}/{each}") for each in nodes], self.now
             )
@@ -512,7 +512,7 @@ def test_a_node_is_of_the_robot_with_the_longest_namespace():
         Robot(name, namespace=namespace, profile=profile)
         for name, namespace in (("root", ""), ("a", "/a"), ("ab", "/a/b"), ("x", "/x"), ("y", "/x"))
     ]
-    watch.follow(0, robots, now)
+    watch.set_robots(0, robots, now)
     nodes = [("one", "/"), ("one", "/a"), ("one", "/a/c"), ("one", "/a/b/c"), ("one", "/x")]
     watch.see_nodes(0, nodes, now)
     assert [each.robot for each in watch.reports(0, now)] == ["root", "a", "ab"]
@@ -585,7 +585,7 @@ def test_a_robot_that_was_never_there_is_not_written_and_one_that_is_dropped_is_
     assert site.rows == {}
     site.look(5, *USUAL)
     assert site.rows.keys() == {"r"}
-    site.watch.follow(0, [], site.now)
+    site.watch.set_robots(0, [], site.now)
     assert dict(site.watch.take_rows((), site.now)) == {"r": None}
 
 
@@ -602,7 +602,7 @@ def test_rows_of_robots_that_never_come_back_are_deleted_an_hour_after_the_start
 
 def test_the_robots_of_a_domain_that_is_left_are_dropped(site):
     site.learn(*USUAL)
-    site.watch.leave_others([1])
+    assert site.watch.configure([1]) == []
     assert dict(site.watch.take_rows((), site.now)) == {"r": None}
     assert [each.expected for each in site.watch.reports(1, site.now)] == [None]
 

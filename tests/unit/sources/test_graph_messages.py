@@ -54,7 +54,7 @@ class Site:
     def go_on(self, seconds: float) -> None:
         for _ in range(int(seconds)):
             self.now = Instant(self.now.mono + 1, self.now.wall + 1)
-            self.watch.follow(0, self.robots, self.now)
+            self.watch.set_robots(0, self.robots, self.now)
             self.watch.see_nodes(0, [("amcl", "/r"), ("amcl", "/s")], self.now)
             for each in self.watch.reports(0, self.now):
                 if each.robot == "r":
@@ -180,7 +180,7 @@ def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
 
 
 def test_a_topic_of_one_domain_is_tried_again_and_that_of_another_stays_given_up(site):
-    site.watch.follow(1, [Robot("t", namespace="/t", profile=site.robots[0].profile)], site.now)
+    site.watch.set_robots(1, [Robot("t", namespace="/t", profile=site.robots[0].profile)], site.now)
     site.watch.see_nodes(1, [("amcl", "/t")], site.now)
     site.wanted()
     site.watch.note_watched(0, {"/rosout": 30_000.0}, site.now)

@@ -103,7 +103,7 @@ class Asking:
         self.source = Prometheus(self.received, client, lambda: NOW)
 
     def follow(self, *queries: Query) -> None:
-        self.source.follow(Fleet("f", queries=queries))
+        self.source.configure(Fleet("f", queries=queries), NOW)
 
     def outcome(self, name: str) -> Outcome:
         (found,) = (each for each in self.source.outcomes() if each.query.name == name)
@@ -268,7 +268,7 @@ def test_what_is_measured_is_as_old_as_the_question(stub):
     received, seconds = Received(), count()
     clocks = lambda: Instant(float(next(seconds)), 0.0)  # noqa: E731
     source = Prometheus(received, Client(f"http://{stub.address}"), clocks)
-    source.follow(Fleet("f", queries=(query("good", "good"),)))
+    source.configure(Fleet("f", queries=(query("good", "good"),)), NOW)
     until(lambda: received.answers, "an answer")
     source.stop()
     assert received.answers[0][2].mono == 0.0
@@ -314,7 +314,7 @@ def test_without_prometheus_nothing_is_received_until_it_is_back(asking, stub, c
 
 def test_without_a_url_each_query_says_so():
     source = Prometheus(Received(), None, lambda: NOW)
-    source.follow(Fleet("f", queries=(query(),)))
+    source.configure(Fleet("f", queries=(query(),)), NOW)
     until(lambda: source.outcomes()[0].error == NO_URL, "it is said")
     source.stop()
 
@@ -355,7 +355,7 @@ def test_the_worked_examples_make_components_of_their_robots(stub, name):
     state = FleetState(fleet, NOW)
     stub.result(example.expr, (labels, number))
     source = Prometheus(state, Client(f"http://{stub.address}"), lambda: NOW)
-    source.follow(fleet)
+    source.configure(fleet, NOW)
     try:
         until(lambda: len(state.robots[robot].components), "it is measured")
     finally:
