@@ -139,8 +139,9 @@ class Service:
             self.state.plan((), read_clocks())  # nobody could cancel those of the database
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
-        for reader in (*self._sources, self._joining):
-            reader.configure(self.state.fleet, read_clocks())
+        for source in self._sources:
+            source.configure(self.state.fleet, read_clocks())
+        self._joining.configure(self.state.fleet, read_clocks())
         keep_watch()
         for loop in (self._tick_loop, self._joining.loop):
             loop.start()

@@ -110,7 +110,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
 
 
 def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
-    found = of_component(component.level, component.settings, component.problems)
+    known = {state for state, each in component.problems.items() if not each.by_setting}
+    found = of_component(component.level, component.settings, known)
     for state, verdict in found.items():
         problem = component.problems.get(state)
         if problem is None:
@@ -122,9 +123,12 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
             of, part = component.robot, component
             problem = Problem(identity, since, robot=of, component=part, verdict=verdict)
+            problem.by_setting = state is State.CRITICAL
             component.problems[state] = book.add_problem(problem)
         if component.since is not None:
             problem.clock = component.since.mono
+        if verdict is Verdict.FAILING:
+            problem.by_setting = False
         book.give_verdict(problem, verdict)
     if component.level is Level.STALE:
         for value in component.values.values():

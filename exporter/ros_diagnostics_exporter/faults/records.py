@@ -130,6 +130,7 @@ class Problem(Subject):
     belongs to; ``clock`` of a capability is when its parts have been so for their confirm_after.
     ``restored``: the fault is of an earlier process, and nothing has confirmed it since.
     ``waits_since`` (monotonic): it is due, and nothing suppresses it but what is no fault yet.
+    ``by_setting``: it is CRITICAL because fleet.yml says so of STALE, and was never ERROR.
     """
 
     identity: Identity
@@ -143,6 +144,7 @@ class Problem(Subject):
     fault: Fault | None = None
     restored: bool = False
     waits_since: float | None = None
+    by_setting: bool = False
     clock: float = field(init=False)
     row: RowKey = field(init=False)
 

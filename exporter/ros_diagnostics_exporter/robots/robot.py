@@ -120,7 +120,7 @@ class RobotState:
         self._logged: set[RejectionReason] = set()
         self._events = events
         self._auto = AutoSource()
-        self._is_switched = False  # to the aggregate, by the array that is received
+        self._has_raw = False  # components of raw arrays that were received
         self._levels = LevelEvents(settings.name, events)
         self.components = Components(
             settings.profile, limits, series, self.marks, self.reject, self._levels.record
@@ -141,6 +141,8 @@ class RobotState:
         if settings.source is not self.settings.source:
             self.source, self._auto = settings.source, AutoSource()
             self._has_no_ros = settings.source is config.Source.QUERIES
+            if not accepts(settings.source, raw=False):
+                self._aggregated.drop_groups()
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
             domain_up = self.network.domain_up or not is_same_domain
@@ -158,8 +160,7 @@ class RobotState:
     def accepts(self, now: Instant, *, raw: bool) -> bool:
         """Whether arrays of this kind of topic count; what ``auto`` means is decided here."""
         if self.settings.source is config.Source.AUTO:
-            before, self.source = self.source, self._auto.decide(self.source, now, raw=raw)
-            self._is_switched = (before, self.source) == (config.Source.BOTH, config.Source.AGG)
+            self.source = self._auto.decide(self.source, now, raw=raw)
         other = config.Source.AGG if raw else config.Source.RAW
         return self.source not in (config.Source.AUTO, other)
 
@@ -177,7 +178,7 @@ class RobotState:
 
     def _leave_raw(self, now: Instant) -> None:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
-        self._is_switched = False
+        self._has_raw = False
         for component in [each for each in self.components if each.raw_received is not None]:
             if component.is_of_fields:
                 continue
@@ -204,10 +205,11 @@ class RobotState:
             statuses = statuses[:limit]
         if raw:
             self._raw.apply(statuses, now, array.number)
+            self._has_raw = True
         else:
             self._aggregated.apply(statuses, now)
-        if self._is_switched:
-            self._leave_raw(now)
+            if self._has_raw and self.source is config.Source.AGG:
+                self._leave_raw(now)
 
     def _note_received(self, now: Instant) -> None:
         gap = 0.0 if self.last_mono is None else now.mono - self.last_mono

@@ -115,6 +115,11 @@ class AggregatedUpdates:
         """Whether the last array has a component."""
         return any(component is each for each, _rows in self._plan)
 
+    def drop_groups(self) -> None:
+        """Have no groups any more: no aggregator is read."""
+        self.groups = {}
+        self._marks.note(Mark.GROUPS)
+
     def reset(self, limits: config.Limits) -> None:
         """Look the components up again at the next array: the config may want others."""
         self._limits = limits

@@ -99,7 +99,9 @@ class Listener:
             domain.wait(max(0.0, deadline - time.monotonic()))
 
     def _join(self, fleet: Fleet) -> None:
-        new = self._be_in({each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids})
+        new = self._be_in(
+            {each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids}
+        )
         for domain in self._domains.values():
             domain.max_message = fleet.limits.message_bytes
         for domain in new:
@@ -117,7 +119,9 @@ class Listener:
         self._leave(leaving)
         alive = {each: domain for each, domain in self._domains.items() if domain.alive}
         new = {
-            each: self._new(each, settings) for each, settings in wanted.items() if each not in alive
+            each: self._new(each, settings)
+            for each, settings in wanted.items()
+            if each not in alive
         }
         self._domains = {each: alive.get(each) or new[each] for each in wanted} | alive
         return list(new.values())

@@ -398,3 +398,25 @@ def test_an_entry_that_a_reload_takes_out_is_not_reported_as_matching_nothing():
 
     driver.state.configure(Fleet("f", (raw_robot("r"),)), driver.now)
     assert driver.state.unmatched.entries == ()
+
+
+@pytest.mark.parametrize("source", [Source.AGG, Source.AUTO])
+def test_a_robot_that_is_read_from_its_aggregator_from_now_on_is_judged_by_it(source):
+    how = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", (how,)))
+    driver.raw_every(1, 5, HOT, LASER)
+
+    driver.state.configure(Fleet("f", (dataclasses.replace(how, source=source),)), driver.now)
+    driver.agg_every(1, 60, *tree(Motors=[HOT._replace(level=OK)]))
+    assert {each.name: each.level for each in driver.robot.components} == {"Motor": OK}
+    switched = [event.message for event in driver.events if event.kind == "graph"]
+    assert switched == ["diagnostics are read from /r/diagnostics_agg in place of /r/diagnostics"]
+
+
+def test_a_robot_that_is_read_from_its_drivers_from_now_on_has_no_groups():
+    driver = StateDriver(Source.AGG)
+    driver.agg_every(1, 5, *tree(Motors=[HOT]))
+    (settings,) = (each.settings for each in driver.state.robots.values())
+    raw = dataclasses.replace(settings, source=Source.RAW)
+    driver.state.configure(Fleet("f", (raw,)), driver.now)
+    assert driver.robot.groups == {}
