@@ -110,7 +110,9 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
 
 
 def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
-    known = {state for state, each in component.problems.items() if not each.by_setting}
+    known: Container[State] = ()
+    if component.level is Level.STALE:  # asked of nothing else
+        known = {state for state, each in component.problems.items() if not each.by_setting}
     found = of_component(component.level, component.settings, known)
     for state, verdict in found.items():
         problem = component.problems.get(state)
