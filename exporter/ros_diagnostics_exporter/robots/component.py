@@ -39,6 +39,7 @@ class Held(NamedTuple):
 
 
 FIELDS = "fields:"  # in identities of what is made of fields of topics, in place of a group
+QUERY = "query:"  # ... of what a query or the ROS graph measures, with its name behind
 
 Identity = tuple[
     str, str, str
@@ -108,6 +109,11 @@ class Component:
     def is_of_fields(self) -> bool:
         """Whether it is made of fields of a topic, and no array has it."""
         return self.identity[1] == FIELDS
+
+    @property
+    def is_published(self) -> bool:
+        """Whether arrays of the robot have it: it is of no field of a topic, and of no query."""
+        return not self.identity[1].startswith((FIELDS, QUERY))
 
     @property
     def is_stale(self) -> bool:

@@ -179,12 +179,13 @@ class RobotState:
     def _leave_raw(self, now: Instant) -> None:
         """Go on with the aggregate alone: what it does not list by its name is removed."""
         self._has_raw = False
-        for component in [each for each in self.components if each.raw_received is not None]:
-            if component.is_of_fields:
-                continue
+        raw = [
+            each for each in self.components if each.is_published and each.raw_received is not None
+        ]
+        for component in raw:
             if self._aggregated.lists(component):
                 component.raw_received, component.gaps = None, ()
-            elif query_of(component.identity) is None:
+            else:
                 self.forget(component, now)
         message = f"diagnostics are read from {self.topic} in place of {self.settings.topic_raw}"
         self._events.append(Event(now.wall, "graph", self.settings.name, message=message))
@@ -207,8 +208,9 @@ class RobotState:
             self._raw.apply(statuses, now, array.number)
             self._has_raw = True
         else:
-            self._aggregated.apply(statuses, now)
-            if self._has_raw and self.source is config.Source.AGG:
+            alone = self.source is config.Source.AGG
+            self._aggregated.apply(statuses, now, alone=alone)
+            if self._has_raw and alone:
                 self._leave_raw(now)
 
     def _note_received(self, now: Instant) -> None:
@@ -247,7 +249,7 @@ class RobotState:
         asks = source is config.Source.NONE or profile.topics or profile.graph.watch.asks
         if not asks or self.messages or source is config.Source.QUERIES:
             return False
-        return all(each.is_of_fields or query_of(each.identity) for each in self.components)
+        return not any(each.is_published for each in self.components)
 
     def note_seen(self, now: Instant) -> None:
         """Note that a node of it is in the ROS graph."""

@@ -83,8 +83,8 @@ class AggregatedUpdates:
     def __post_init__(self) -> None:
         self._reader = TreeReader()
 
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
+    def apply(self, statuses: Sequence[Status], now: Instant, *, alone: bool) -> None:
+        """Update the components from one array; ``alone``: no array of a driver counts."""
         structure = self._reader.read(statuses)
         if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
             self._plan_updates(structure, statuses, now)
@@ -109,7 +109,10 @@ class AggregatedUpdates:
             else:
                 self._components.update(component, status, now)
         for component in self._missing:
-            self._components.mark_missing(component, now)
+            # What a driver publishes is no matter of the aggregator, and of what is known from an
+            # earlier process nobody knows yet who publishes it.
+            if component.raw_received is None and (alone or component in self._paths):
+                self._components.mark_missing(component, now)
 
     def lists(self, component: Component) -> bool:
         """Whether the last array has a component."""
@@ -156,8 +159,7 @@ class AggregatedUpdates:
         self._missing = [
             component
             for identity, component in components.by_identity.items()
-            if structure.leaves and identity not in listed and component.raw_received is None
-            if not component.is_of_fields
+            if structure.leaves and identity not in listed and component.is_published
         ]
 
     def _find_former(
@@ -172,7 +174,7 @@ class AggregatedUpdates:
         vanished = {
             component: path
             for identity, component in known.items()
-            if identity not in new and component.raw_received is None
+            if identity not in new and component.raw_received is None and component.is_published
             if (path := self._paths.get(component) or path_of(component)).startswith("/")
         }
         return find_former(rows, vanished, is_moved=len(rows) == len(new))

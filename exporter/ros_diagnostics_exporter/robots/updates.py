@@ -12,6 +12,7 @@ from collections.abc import Container, Mapping, Sequence
 from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import (
     FIELDS,
+    QUERY,
     STALE_AFTER_FIRST,
     Component,
     Held,
@@ -22,14 +23,13 @@ from ros_diagnostics_exporter.robots.rejections import Reject
 from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
-_MARK = "query:"
 TOPICS = "Topics"  # the group of components that are made of fields
 
 
 def query_of(identity: Identity) -> str | None:
     """The name of the query that measures a component; None where the robot publishes it."""
     _name, group, _hardware_id = identity
-    return group.removeprefix(_MARK) if group.startswith(_MARK) else None
+    return group.removeprefix(QUERY) if group.startswith(QUERY) else None
 
 
 def is_of_graph(identity: Identity) -> bool:
@@ -52,7 +52,7 @@ class MeasuredUpdates:
         """Update the components from one answer; their names are unique in it."""
         self.answered[feed.name] = now.mono
         for status in statuses:
-            identity = (status.name, _MARK + feed.name, "")
+            identity = (status.name, QUERY + feed.name, "")
             component = self._components.get_or_add(identity, feed.group, now)
             if component is not None:
                 self._components.regroup(component, feed.group)

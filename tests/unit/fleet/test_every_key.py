@@ -1,6 +1,8 @@
-"""After a reload everything is judged as if the exporter had been started with that config.
+"""Each key of fleet.yml, across a reload and a restart.
 
-For each key of fleet.yml: a reader that keeps an old value of it is found here, whichever it is.
+After a reload everything is judged as if the exporter had been started with that config: a reader
+that keeps an old value is found here, whichever it is. After a restart everything is judged as if
+there had been none.
 """
 
 from __future__ import annotations
@@ -11,12 +13,12 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.config_examples import DEFINITIONS, PROPERTIES, whole
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 BEFORE = 3  # seconds until the reload: nothing is a fault yet, which no reload ends
-AFTER = 75  # ... after it, or after the start
+AFTER = 65  # ... after it, or after the start
 ROBOTS = [{"name": each, "namespace": f"/{each}", "labels": {"site": "hall"}} for each in "rs"]
 VALUES = (("x", "1"), ("Charge", "9 %"), ("Temperature", "95"), ("mode", "auto"))
 STATUSES = (
@@ -29,6 +31,8 @@ STATUSES = (
 )
 FOUND = {"/q/diagnostics": Endpoint(1), "/q/diagnostics_agg": Endpoint(1)}
 COUNTED = ("_total", "_seconds", "_ratio")  # how often, or when: not what is judged
+SETTLED = 75  # ... after which all that was known before a restart is known again
+ANSWERED = 15  # seconds between two answers of a query
 KEPT = {
     ("Robot", "source"): "a component keeps the group that the aggregator gave it",
     ("Shared", "pattern"): "a robot that a status named before is known until it is forgotten",
@@ -45,7 +49,12 @@ def play(driver: StateDriver, seconds: int) -> None:
             for name in driver.state.wanted_topics(domain):
                 rows = tree(Group=list(STATUSES)) if name.endswith("_agg") else STATUSES
                 driver.state.receive(Topic(domain, name), Array(0.0, rows, 100), driver.now)
-        driver.at(driver.now.mono + 1)
+        if driver.now.mono % ANSWERED == 0:
+            for query in driver.state.fleet.queries:
+                answer = {"r": [Status(ERROR, "uplink", "0, below 0.5")]}
+                driver.state.receive_answer(query.feed, answer, driver.now)
+        driver.now = Instant(driver.now.mono + 1, driver.now.wall + 1)
+        driver.state.tick(driver.now)
 
 
 def judged(driver: StateDriver) -> dict[str, object]:
@@ -85,12 +94,27 @@ def fleets(tmp_path):
     return loaded
 
 
-@pytest.mark.parametrize(
-    ("name", "key"), [each for each in PROPERTIES if each not in KEPT and each[0] != "Zenoh"]
-)
+KEYS = [each for each in PROPERTIES if each[0] != "Zenoh"]  # what has other sources
+
+
+@pytest.mark.parametrize(("name", "key"), [each for each in KEYS if each not in KEPT])
 def test_a_key_that_a_reload_adds_or_removes_is_judged_as_after_a_start(fleets, name, key):
     without = fleets(name, {})
     for example in DEFINITIONS[name]["properties"][key]["examples"]:
         with_it = fleets(name, {key: example})
         assert reloaded(without, with_it) == started(with_it), "added"
         assert reloaded(with_it, without) == started(without), "removed"
+
+
+@pytest.mark.parametrize(("name", "key"), KEYS)
+def test_a_restart_changes_nothing_that_is_judged(fleets, tmp_path, name, key):
+    fleet = fleets(name, {key: DEFINITIONS[name]["properties"][key]["examples"][0]})
+    unbroken = StateDriver(fleet=fleet)
+    play(unbroken, AFTER + SETTLED)
+    for before in (BEFORE, AFTER):  # nothing is a fault yet, and all is
+        driver = StateDriver(fleet=fleet)
+        play(driver, before)
+        restarted = driver.again(tmp_path / f"{before}.db")
+        play(restarted, SETTLED)
+        assert judged(restarted) == judged(unbroken), before
+        restarted.close()
