@@ -6,6 +6,7 @@ import time
 from datetime import datetime
 from itertools import groupby
 from operator import itemgetter
+from typing import Any
 
 import click
 from rich.console import Console
@@ -14,7 +15,7 @@ from ros_diagnostics_exporter.api.occurrences import WEEK
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.severity import clock, span
 from ros_diagnostics_exporter.texts import one_line, printable
-from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.names import no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_table, print_json, with_output
 from ros_diagnostics_tools.times import Moment
@@ -60,19 +61,28 @@ def command(servers: Servers, output: str, robot: str, since: datetime, *, week:
     if events:
         Console().print(table)
     else:
+        _known(servers.exporter.fleet(), robot)
         then = clock(since.timestamp(), now, local=True)
         print(f"no event of robot {printable(robot)!r} since {then}")  # noqa: T201
+
+
+def _known(fleet: dict[str, Any], robot: str) -> dict[str, Any]:
+    """A robot of the fleet.
+
+    Raises:
+        NotDoneError: there is none of that name; one with a similar name is named.
+    """
+    found: dict[str, dict[str, Any]] = {each["robot"]: each for each in fleet["robots"]}
+    if robot not in found:
+        raise no_robot(robot, found)
+    return found[robot]
 
 
 def _show_week(servers: Servers, output: str, robot: str) -> None:
     """What failed of a robot in a week: one line for each part, what lasts first."""
     exporter = servers.exporter
     fleet = exporter.fleet()
-    known = next((each for each in fleet["robots"] if each["robot"] == robot), None)
-    if known is None:
-        raise NotDoneError(
-            f"there is no robot {printable(robot)!r}: `ros-diagnostics status` lists all"
-        )
+    known = _known(fleet, robot)
     now = fleet["time"]
     begin = exporter.get("/api/v1/faults")["events_since"]
     since = max(now - WEEK, now if begin is None else begin)

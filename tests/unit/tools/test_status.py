@@ -167,7 +167,8 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     for ago, level in ((7_300, "WARN"), (600, "ERROR"), (130, "OK")):
         log.record(Event(now - ago, "level", "a", "/Motor", "Motor 1", "OK", level, "\x1b[hot"))
     log.record(Event(now - 50, "robot", "b", after="silent"))
-    server = serve(find_events=log.find)
+    known = fleet(robot("turtlebot_1"))
+    server = serve(find_events=log.find, fleet_snapshot=lambda: known)
     url = f"http://{server.addresses[0]}"
 
     assert main(["history", "a", "--url", url]) == 0
@@ -180,8 +181,10 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     assert [each["after"] for each in json.loads(capsys.readouterr().out)] == [
         *("WARN", "ERROR", "OK")
     ]
-    assert main(["history", "c", "--since", "10m", "--url", url]) == 0
-    assert "no event of robot 'c' since " in capsys.readouterr().out
+    assert main(["history", "turtlebot_1", "--since", "10m", "--url", url]) == 0
+    assert "no event of robot 'turtlebot_1' since " in capsys.readouterr().out
+    assert main(["history", "turtlebot1", "--since", "10m", "--url", url]) == 1
+    assert "no robot 'turtlebot1'; the nearest is 'turtlebot_1'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
