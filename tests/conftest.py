@@ -46,14 +46,21 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     if reporter is None or not session.config.getoption("--no-skips"):
         return
-    refused = skips.refused(each.longrepr for each in reporter.stats.get("skipped", ()))
+    refused = skips.refused(_skipped(reporter))
     for line in refused:
         reporter.write_line(line, red=True)
     if refused:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
+def _skipped(reporter: pytest.TerminalReporter) -> list[tuple[str, int, str]]:
+    return [each.longrepr for each in reporter.stats.get("skipped", ())]
+
+
+@pytest.hookimpl(trylast=True)  # below the durations
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    for line in skips.table(_skipped(terminalreporter)):
+        terminalreporter.write_line(line)
     if terminalreporter.config.getoption("--all"):  # the budgets are of the run without
         return
     reports = [each for found in terminalreporter.stats.values() for each in found]

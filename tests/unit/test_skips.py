@@ -32,3 +32,15 @@ def test_a_skip_fails_the_run_that_allows_none_but_for_what_is_listed(tmp_path):
     assert done.returncode == 1, done.stdout + done.stderr
     refused = [line for line in done.stdout.splitlines() if "which is a failure here: " in line]
     assert [line.rpartition(": ")[2] for line in refused] == ["no browser here"]
+    number = 1 + len(skips.allowed())
+    assert f"tests not run: {number}\n     1  no browser here\n" in done.stdout
+
+
+def test_what_was_not_run_is_counted_by_its_reason_the_most_first():
+    slow = [("a.py", line, "Skipped: slow") for line in (1, 2)]
+    assert skips.table([("b.py", 3, "Skipped: no browser"), *slow]) == [
+        "tests not run: 3",
+        "     2  slow",
+        "     1  no browser",
+    ]
+    assert skips.table([]) == []
