@@ -1,9 +1,9 @@
-"""Finds domains that have become deaf to a robot: a second participant receives it, this one not.
+"""Finds domains that have become deaf to a robot: a second participant finds it, this one not.
 
-A robot that is silent may be off, or this process may be deaf to it. So while one is silent, a
-second process listens to its topics for some seconds: soon after it fell silent, and then ever less
-often. This process is deaf to a topic that the second one received twice, and itself not once
-meanwhile.
+A robot that is silent may be off, or this process may be deaf to it; so may a node that is gone. So
+while there is one, a second process listens to the robot's topics, or looks for the node, for some
+seconds: soon after it went, and then ever less often. This process is deaf to a topic that the
+second one received twice, or a node that it found twice, and itself not once meanwhile.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from math import inf
 
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Domain, Instant, place
+from ros_diagnostics_exporter.sources.graph_nodes import NODE
 from ros_diagnostics_exporter.sources.listener import Listener
 
 log = logging.getLogger(__name__)
@@ -30,18 +31,18 @@ ENDED = 60.0  # ... after which it is ended, where joining takes as long
 REST = 60.0  # ... between two comparisons, and from joining to the first
 LONGEST = 3600.0  # ... between two of the same topics, which are ever further apart
 CONFIRM = 10.0  # ... from the one that first missed topics to the next of these
-TOPICS = 100  # of one comparison: of more, some are chosen by chance
+MOST = 100  # topics and nodes of one comparison: of more, some are chosen by chance
 
 
 class Second:
-    """A second participant of a domain: a process that listens to these topics."""
+    """A second participant of a domain: a process that looks for these topics and nodes."""
 
     def __init__(
-        self, domain: Domain, topics: Collection[str], ros_arguments: Sequence[str]
+        self, domain: Domain, wanted: Collection[str], ros_arguments: Sequence[str]
     ) -> None:
         self.began = time.monotonic()
         self._process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", PROGRAM, str(domain), str(LISTEN), *topics, *ros_arguments],
+            [sys.executable, "-m", PROGRAM, str(domain), str(LISTEN), *wanted, *ros_arguments],
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,  # which holds all that it says
@@ -54,7 +55,7 @@ class Second:
         return self._process.poll() is None and time.monotonic() < self.began + ENDED
 
     def stop(self) -> set[str]:
-        """End it; the topics of which it received a message."""
+        """End it; the topics of which it received a message, and the nodes that it found."""
         if self._process.poll():
             log.warning("a second participant failed (exit code %d)", self._process.returncode)
         self._process.kill()
@@ -67,13 +68,13 @@ class _Compared:
 
     last: float = -inf  # when the last comparison began
     rest: float = REST
-    topics: set[str] = field(default_factory=set)  # that are silent since before the last one
+    lost: set[str] = field(default_factory=set)  # since before the last one
     missed: set[str] = field(default_factory=set)  # at the last one, by this process alone
     since: float = 0.0  # when the one began that first missed them
 
 
 class Comparing:
-    """Compares domains with what a second participant receives there, one after the other."""
+    """Compares domains with what a second participant finds there, one after the other."""
 
     def __init__(self, state: FleetState, listener: Listener) -> None:
         self._state, self._listener = state, listener
@@ -102,25 +103,35 @@ class Comparing:
         for domain, known in self._domains.items():
             if now.mono < joined[domain] + REST:
                 continue
-            if topics := _choose(known, set(self._state.silent_topics(domain)), now):
+            if wanted := _choose(known, self._lost(domain), now):
                 known.last, self._domain = now.mono, domain
-                self._start(topics)
+                self._start(wanted)
                 return
 
-    def _start(self, topics: Collection[str]) -> None:
+    def _lost(self, domain: Domain) -> set[str]:
+        """The topics of silent robots, and the nodes that are gone."""
+        return {*self._state.silent_topics(domain), *self._gone(domain)}
+
+    def _gone(self, domain: Domain) -> set[str]:
+        return {NODE + each for each in self._state.gone_nodes(domain)}
+
+    def _start(self, wanted: Collection[str]) -> None:
         try:
-            self._second = Second(self._domain, topics, self._listener.ros_arguments)
+            self._second = Second(self._domain, wanted, self._listener.ros_arguments)
         except OSError as error:  # domains are joined all the same
             log.warning("%s: no second participant was started: %s", place(self._domain), error)
 
     def _judge(self, known: _Compared, second: Second, now: Instant) -> Mapping[Domain, str]:
         domain, before = self._domain, known.missed
         known.since = known.since if before else second.began
-        received, known.missed = second.stop(), set()
+        found, known.missed = second.stop(), set()
         if self._listener.joined_at.get(domain, inf) > known.since:
             return {}  # it was joined anew meanwhile, or left
-        missed = received - self._listener.received_since(domain, received, known.since)
-        why = f"another process receives {_named(missed)}, and this one does not"
+        nodes = {each for each in found if each.startswith(NODE)}
+        topics = found - nodes
+        missed = topics - self._listener.received_since(domain, topics, known.since)
+        missed |= nodes & self._gone(domain)
+        why = f"another process finds {_named(missed)}, and this one does not"
         if missed and before:
             return {domain: why}
         known.missed = missed
@@ -132,18 +143,18 @@ class Comparing:
         return {}
 
 
-def _choose(known: _Compared, silent: set[str], now: Instant) -> set[str]:
-    """The topics that are due; notes that they are compared now."""
+def _choose(known: _Compared, lost: set[str], now: Instant) -> set[str]:
+    """The topics and nodes that are due; notes that they are compared now."""
     if known.missed:
         return known.missed if now.mono >= known.last + CONFIRM else set()
-    known.topics &= silent
-    rest = REST if silent - known.topics else known.rest
-    if not silent or now.mono < known.last + rest:
+    known.lost &= lost
+    rest = REST if lost - known.lost else known.rest
+    if not lost or now.mono < known.last + rest:
         return set()
-    known.topics, known.rest = silent, min(2 * rest, LONGEST)
-    return set(random.sample(sorted(silent), min(TOPICS, len(silent))))
+    known.lost, known.rest = lost, min(2 * rest, LONGEST)
+    return set(random.sample(sorted(lost), min(MOST, len(lost))))
 
 
-def _named(topics: set[str]) -> str:
-    more = len(topics) - 1
-    return min(topics, default="") + (f" and {more} more" if more > 0 else "")
+def _named(found: set[str]) -> str:
+    more = len(found) - 1
+    return min(found, default="") + (f" and {more} more" if more > 0 else "")

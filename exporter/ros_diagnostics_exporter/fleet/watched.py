@@ -127,6 +127,11 @@ class WatchedFleet(ABC):
                 if topic.domain_id == domain_id and not any(robot.up for robot, _raw in bound)
             ]
 
+    def gone_nodes(self, domain_id: Domain) -> list[str]:
+        """The full names of the nodes of a domain of which it is a problem that they are gone."""
+        with self._watching:
+            return self._watch.gone_nodes(domain_id)
+
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():

@@ -218,6 +218,11 @@ class GraphWatch:
         """The robots of which a node is there."""
         return {name for name in self._owners[domain].by_name if self._robots[name].is_there}
 
+    def gone_nodes(self, domain: Domain) -> list[str]:
+        """The full names of the nodes of a domain of which it is a problem that they are gone."""
+        robots = (self._robots[name] for name in self._owners[domain].by_name)
+        return [node for robot in robots for node in robot.gone_nodes]
+
     def see_offered(self, domain: Domain, topics: Iterable[str]) -> None:
         """Take what is published in a domain of which no nodes are seen."""
         offered = {self._owners[domain].of(each) for each in topics}

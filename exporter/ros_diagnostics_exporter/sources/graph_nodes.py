@@ -21,6 +21,7 @@ AT_ONCE = 1.5  # seconds in which the processes of a namespace say goodbye
 MANY = 3  # nodes that are gone together; more are one problem
 MOST = 1000  # of one robot
 NODES = "nodes"
+NODE = "node "  # before the name of one: a component, or what a second participant looks for
 
 
 @dataclass(slots=True)
@@ -77,6 +78,11 @@ class Nodes:
         """Whether any is there."""
         return any(each.count for each in self._nodes.values())
 
+    @property
+    def gone(self) -> list[str]:
+        """The names of those of which it is a problem that they are gone."""
+        return [name for name, each in self._nodes.items() if each.judged]
+
     def there_since(self, name: str) -> float:
         """Since when exactly one node of this name is there, monotonic; never: infinity."""
         since = self._nodes[name].since if name in self._nodes else None
@@ -123,10 +129,10 @@ class Nodes:
         problems = {}
         for name, each in own.items():
             if each.judged and not each.together:
-                problems[f"node {name}"] = int(Level.ERROR), "the node is gone"
+                problems[f"{NODE}{name}"] = int(Level.ERROR), "the node is gone"
             elif each.doubled is not None and now.mono - each.doubled >= DOUBLED:
                 text = f"{each.count} nodes have this name"
-                problems[f"node {name}"] = int(Level.ERROR), text
+                problems[f"{NODE}{name}"] = int(Level.ERROR), text
             elif each.doubled is not None:
                 self.due = min(self.due, each.doubled + DOUBLED)
         gone = sorted(name for name, each in own.items() if each.together)
@@ -190,7 +196,7 @@ class Nodes:
     def forget(self, component: str) -> None:
         """Expect no more what a component is about."""
         for name, each in list(self._nodes.items()):
-            if component == f"node {name}" or (component == NODES and each.together):
+            if component == f"{NODE}{name}" or (component == NODES and each.together):
                 del self._nodes[name]
 
     def take_events(self) -> list[str]:

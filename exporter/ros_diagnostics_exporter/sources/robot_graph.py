@@ -177,6 +177,11 @@ class RobotGraph:
         self._held.discard(component)
 
     @property
+    def gone_nodes(self) -> Iterator[str]:
+        """The full names of its nodes of which it is a problem that they are gone."""
+        return (f"{self.namespace.rstrip('/')}/{name}" for name in self._nodes.gone)
+
+    @property
     def is_there(self) -> bool:
         """Whether any of its nodes or, where none are seen, topics is."""
         return bool(self._nodes.there) or self.is_offered

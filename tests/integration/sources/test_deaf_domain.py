@@ -47,9 +47,11 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew(
     assert not running.service.state.faults()
 
 
-def test_a_second_participant_names_what_it_receives_and_its_end_is_awaited(ros_domain, robots):
+def test_a_second_participant_names_what_it_finds_and_its_end_is_awaited(ros_domain, robots):
     robots.offer("/a/diagnostics")
     with repeating(lambda _turn: robots.send("/a/diagnostics", COOL), 0.2):
-        second = comparing.Second(ros_domain, ["/a/diagnostics", "/b/diagnostics"], ())
+        name = "node /robots"
+        wanted = ["/a/diagnostics", "/b/diagnostics", name, "node /a/gone"]
+        second = comparing.Second(ros_domain, wanted, ())
         until(lambda: not second.listens, "it has listened", 60)
-        assert second.stop() == {"/a/diagnostics"}
+        assert second.stop() == {"/a/diagnostics", name}

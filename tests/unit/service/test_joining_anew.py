@@ -10,7 +10,8 @@ import pytest
 
 from ros_diagnostics_exporter import comparing
 from ros_diagnostics_exporter.comparing import CONFIRM, LONGEST, REST
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.joining import LEAST, Joining
 from ros_diagnostics_exporter.model import Array, Status, Topic
 from ros_diagnostics_exporter.sources.listener import Listener
@@ -103,12 +104,34 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
     first, again = playing.seconds
     assert again - first == CONFIRM
     events = [each.message for each in playing.driver.events if each.kind == "config"]
-    why = f"another process receives {A}, and this one does not"
+    why = f"another process finds {A}, and this one does not"
     assert events == [f"domain 7: {why}", f"domain 7: it is joined anew: {why}"]
     playing.joined_at[7] = playing.driver.now.mono
     playing.until(REST + 60, "a", "b")
     assert not [each for each in playing.driver.events if each.kind == "fault_began"]
     assert playing.left == [7]
+
+
+NODES = [("driver", "/a"), ("camera", "/a")]
+
+
+@pytest.mark.parametrize("is_found", [True, False])
+def test_a_domain_in_which_another_process_finds_a_node_that_is_gone_is_joined_anew(
+    monkeypatch, is_found
+):
+    graph = Graph(mode="on", expect=("camera",))
+    watched = Robot("a", 7, "/a", topic_raw=A, source=Source.RAW, profile=Profile(graph=graph))
+    playing = Playing(StateDriver(fleet=Fleet("f", (watched,))), monkeypatch)
+    state = playing.driver.state
+    state.update_nodes(7, NODES, playing.driver.now)
+    for second in range(0, 4 * int(REST), 5):
+        state.update_nodes(7, NODES[:1], playing.driver.now)
+        playing.heard = {"node /a/camera"} if is_found else set()
+        playing.until(second + 5, "a")
+    assert playing.seconds
+    assert (7 in playing.left) == is_found
+    said = "another process finds node /a/camera, and this one does not"
+    assert any(said in each.message for each in playing.driver.events) == is_found
 
 
 def test_a_topic_of_which_this_process_receives_bytes_is_no_reason(monkeypatch):
