@@ -86,6 +86,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "last_message": 1_060.0,
         "labels": {"site": "hall"},
         "address": None,
+        "links": {},
         "domain_id": 7,
         "namespace": f"/{name}",
         "topic": f"/{name}/diagnostics_agg",
@@ -94,6 +95,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "maintenance_until": None,
         "capabilities_text": "",
         "downtimes": [],
+        "downtimes_ahead": [],
         "problems": [],
         "capabilities": [],
         "short_checks": [],
@@ -105,7 +107,8 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
 
 def downtime(component: str = "", **changed: Any) -> dict[str, Any]:
     """A downtime that ann planned until 20:00 UTC, as /api/v1/fleet shows it."""
-    known = {"component": component, "until": 72_000.0, "author": "ann", "comment": "new gears"}
+    times = {"from": 0.0, "until": 72_000.0}
+    known = {"component": component, **times, "author": "ann", "comment": "new gears"}
     return {**known, **changed}
 
 

@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.robots.updates import query_of
 from ros_diagnostics_exporter.severity import problem_state, subject
 from ros_diagnostics_exporter.sources.action_servers import ServerChange
 
-SOON = 10.0  # seconds after a change until it is written
+SOON = 10.0  # seconds after a change until it is written, unless a level changed
 MOST_EVENTS, MINUTE = 10, 60.0  # of one robot in so many seconds; of more there are only counts
 MOST_NAMED = 5  # problems of a robot that are named with an event
 
@@ -36,19 +36,23 @@ class FleetMissions:
         self._write_at: dict[str, float] = {}  # by robot, monotonic
         self._written: set[str] = set()  # robots that have a row
 
-    def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> None:
-        """Take the goals of an action of a robot."""
-        action = _missions(robot).action(name)
+    def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> bool:
+        """Take the goals of an action of a robot; whether anything is another than before."""
+        action = _missions(robot, now).action(name)
         if action is None:
-            return
+            return False
         before = action.goals.state
         ends = action.see(goals, now)
-        if ends or action.goals.state != before:  # as when a goal that was accepted is executed
-            self._take(robot, [action], [(action, end) for end in ends], now)
+        if (
+            not ends and action.goals.state == before
+        ):  # as when a goal that was accepted is executed
+            return False
+        self._take(robot, [action], [(action, end) for end in ends], now)
+        return True
 
     def follow_server(self, robot: RobotState, change: ServerChange, now: Instant) -> None:
         """Take that a server of a robot came, went or was restarted."""
-        action = _missions(robot).action(change.server.action)
+        action = _missions(robot, now).action(change.server.action)
         if action is None:
             return
         ends: list[GoalEnd] = []
@@ -60,7 +64,7 @@ class FleetMissions:
 
     def follow_mode(self, robot: RobotState, now: Instant) -> None:
         """Take whether a robot works by itself, as its components are now."""
-        mode, missions = self._faults.mode(robot), _missions(robot)
+        mode, missions = self._faults.mode(robot), _missions(robot, now)
         if mode == missions.mode:
             return
         if missions.set_mode(mode, now):
@@ -94,19 +98,21 @@ class FleetMissions:
         now: Instant,
     ) -> None:
         """Have these actions judged, and what changed served and written."""
-        missions, name = _missions(robot), robot.settings.name
+        missions, name = _missions(robot, now), robot.settings.name
         for action, end in ends:
             if action.is_mission:
                 self._note_end(robot, action, end, now)
-        statuses = missions.take_statuses(actions, now)
+        statuses, is_turned = missions.take_statuses(actions, now)
         if statuses:
             robot.measure(ACTIONS, statuses, now)
         missions.schedule(now.mono)
         robot.marks.note(Mark.GOALS)
-        self._write_at.setdefault(name, now.mono + SOON)
+        # Its row is written with the fault's: a process that is killed must not end that.
+        write_at = now.mono if is_turned else now.mono + SOON
+        self._write_at[name] = min(self._write_at.get(name, write_at), write_at)
 
     def _note_end(self, robot: RobotState, action: Action, end: GoalEnd, now: Instant) -> None:
-        autonomy = _missions(robot).autonomy
+        autonomy = _missions(robot, now).autonomy
         if autonomy is not None:
             autonomy.note_end(end)
         if end.result == "aborted":
@@ -158,17 +164,17 @@ class FleetMissions:
             if row.key[0] in robots and row.fields is not None:
                 learned: Any = row.fields
                 robot = robots[row.key[0]]
-                missions = _missions(robot)
+                missions = _missions(robot, now)
                 missions.restore(MissionsLearned(**learned), now)
                 missions.schedule(now.mono)
                 robot.marks.note(Mark.GOALS)
 
 
-def _missions(robot: RobotState) -> Missions:
+def _missions(robot: RobotState, now: Instant) -> Missions:
     """Those of a robot, made where none of its actions was known."""
     if robot.missions is None:
         settings = robot.settings
-        robot.missions = Missions(settings.profile.actions, settings.namespace)
+        robot.missions = Missions(settings.profile.actions, settings.namespace, now.wall)
     return robot.missions
 
 

@@ -18,17 +18,26 @@ from ros_diagnostics_exporter.config.missions import ActionRule, TooMany, rule_f
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.autonomy import Autonomy, AutonomyLearned
-from ros_diagnostics_exporter.robots.goals import GoalEnd, Goals, GoalsLearned, Moment
+from ros_diagnostics_exporter.robots.goals import (
+    RESULTS,
+    GoalEnd,
+    Goals,
+    GoalsLearned,
+    Moment,
+    Result,
+)
+from ros_diagnostics_exporter.robots.recent import MOST as MOST_RECENT
+from ros_diagnostics_exporter.robots.recent import Recent
 from ros_diagnostics_exporter.sources.action_servers import MOST
 from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
 
 # Where a server is away nothing is known of its goals, which is no fault: others say so.
 ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True)
-MOST_RECENT = 200  # goals of one action that are judged
+_SUCCEEDED, _ABORTED, _PREEMPTED = map(RESULTS.index, ("succeeded", "aborted", "preempted"))
 REPORT = 30.0  # seconds between two statuses of what runs
 Mode = tuple[bool | None, bool | None]  # it works by itself; it is stopped; None: not known
 _Text = Annotated[str, Field(max_length=256)]
-_Recent = Annotated[list[tuple[Moment, _Text]], Field(max_length=MOST_RECENT)]
+_Recent = Annotated[list[tuple[Moment, Result]], Field(max_length=MOST_RECENT)]
 
 
 class ActionLearned(NamedTuple):
@@ -48,6 +57,7 @@ class MissionsLearned(NamedTuple):
 
     actions: Annotated[dict[_Text, ActionLearned], Field(max_length=MOST)]
     autonomy: AutonomyLearned | None = None
+    since: Moment = 0.0  # Unix time; 0: not known
 
 
 class Action:
@@ -55,33 +65,49 @@ class Action:
 
     __slots__ = (
         *("name", "rule", "goals", "clock", "status", "due"),
-        *("_ended", "_started", "_aborted_at"),
+        *("_ended", "_started", "_aborted_at", "_last_aborted", "_told_running"),
     )
 
     def __init__(self, name: str, rule: ActionRule | None) -> None:
-        self.name, self.rule = name, rule
+        self.name = name
         self.goals = Goals()
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
         self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
-        self._ended: list[tuple[float, str]] = []  # the last `MOST_RECENT`
-        self._started: list[float] = []
-        self._aborted_at = 0.0
+        self._ended: Recent | None = (
+            None  # indices of `RESULTS`, where its entry counts aborted ones
+        )
+        self._started: Recent | None = None  # where its entry counts these
+        self._aborted_at = 0.0  # when the last was aborted, Unix time
+        self._last_aborted = -inf  # ... by the clock
+        self._told_running = 0  # goals that ran when its status was reported
+        self.set_rule(rule)
 
     @property
     def is_mission(self) -> bool:
         """Whether how its goals end says whether the robot does its work."""
         return self.rule is not None and not self.rule.ignore_result
 
+    def set_rule(self, rule: ActionRule | None) -> None:
+        """Follow another entry, which judges it anew."""
+        self.rule, self.status = rule, None
+        aborted, started = (None, None) if rule is None else (rule.aborted, rule.started)
+        self._ended = _counted_by(aborted, self._ended)
+        self._started = _counted_by(started, self._started)
+
+    @property
+    def level(self) -> int:
+        """As it was reported last; OK before that."""
+        return Level.OK if self.status is None else self.status.level
+
     def see(self, goals: Iterable[Goal], now: Instant) -> list[GoalEnd]:
         """Take a list of its server; what ended by it."""
         self.clock.set(running=True, mono=now.mono)
         before = self.goals.counts.started
         ends = self.goals.see(goals, now.mono)
-        if self.rule is not None:
+        if self._started is not None:
             begun = self.goals.counts.started - before
-            self._started += [self.clock.read(now.mono)] * begun
-            del self._started[:-MOST_RECENT]
+            self._started.add([0] * begun, self.clock.read(now.mono))
         return self._note(ends, now)
 
     def set_there(self, *, there: bool, now: Instant) -> list[GoalEnd]:
@@ -101,42 +127,58 @@ class Action:
         return self._note(self.goals.tick(now.mono), now)
 
     def _note(self, ends: list[GoalEnd], now: Instant) -> list[GoalEnd]:
-        if self.rule is not None:
-            clock = self.clock.read(now.mono)
-            self._ended += [(clock, end.result) for end in ends]
-            del self._ended[:-MOST_RECENT]
-            if any(end.result == "aborted" for end in ends):
-                self._aborted_at = now.wall
+        if self._ended is not None and ends:
+            clock, results = (
+                self.clock.read(now.mono),
+                [RESULTS.index(each.result) for each in ends],
+            )
+            self._ended.add(results, clock)
+            if _ABORTED in results:
+                self._aborted_at, self._last_aborted = now.wall, clock
         return ends
 
     # -- judged --------------------------------------------------------------------------------
 
-    def take_status(self, now: Instant) -> Status | None:
-        """Its status, where that is another than before; None of a server that is away."""
+    @property
+    def tells_more(self) -> bool:
+        """Whether what runs is another than its status says, or by now for longer."""
+        running = self.goals.running
+        return self.rule is not None and bool(running or running != self._told_running)
+
+    def take_status(self, now: Instant, *, tells_values: bool) -> Status | None:
+        """Its status, where that is another than before; None of a server that is away.
+
+        Unless ``tells_values``, one that differs in nothing but its values can wait.
+        """
         if self.rule is None or self.goals.is_away:
             return None
-        status = self._judge(self.rule, now)
-        if status == self.status:
+        judged, before = self._judge(self.rule, now), self.status
+        if not tells_values and before is not None and judged == (before.level, before.message):
+            return None
+        self._told_running = self.goals.running
+        longest = self.goals.longest(now.mono)
+        values = (("running", str(self._told_running)), ("longest", f"{longest:.0f} s"))
+        status = Status(judged[0], self.name, judged[1], "", values)
+        if status == before:
             return None
         self.status = status
         return status
 
-    def _judge(self, rule: ActionRule, now: Instant) -> Status:
+    def _judge(self, rule: ActionRule, now: Instant) -> tuple[int, str]:
         problems = [*self._problems(rule, now)]
-        level = max((level for level, _text in problems), default=Level.OK)
-        text = "; ".join(text for _level, text in problems) or "OK"
-        longest = self.goals.longest(now.mono)
-        values = (("running", str(self.goals.running)), ("longest", f"{longest:.0f} s"))
-        return Status(int(level), self.name, text, "", values)
+        if not problems:
+            return int(Level.OK), "OK"
+        text = "; ".join(text for _level, text in problems)
+        return int(max(level for level, _text in problems)), text
 
     def _problems(self, rule: ActionRule, now: Instant) -> Iterator[tuple[Level, str]]:
         clock = self.clock.read(now.mono)
-        if rule.aborted is not None:
+        if rule.aborted is not None and clock - self._last_aborted < rule.aborted.within:
             level, text = self._judge_aborted(rule.aborted, clock)
             if level:
                 yield level, text
-        if rule.started is not None:
-            count = sum(clock - at < rule.started.within for at in self._started)
+        if rule.started is not None and self._started is not None:
+            count = len(self._started.since(clock - rule.started.within))
             if level := _level(rule.started, count):
                 yield level, f"started {count} times within {_written(rule.started)}"
         if rule.longer_than is not None and self.goals.longest(now.mono) > rule.longer_than:
@@ -145,26 +187,16 @@ class Action:
 
     def _judge_aborted(self, limit: TooMany, clock: float) -> tuple[Level, str]:
         """As many are too many, unless as many goals in a row have succeeded since."""
-        words = [word for at, word in self._ended if clock - at < limit.within]
-        counted = [word for word in words if word != "preempted"]
-        aborted, succeeded = counted.count("aborted"), 0
-        for word in reversed(counted):
-            if word != "succeeded":
-                break
-            succeeded += 1
+        ended = b"" if self._ended is None else self._ended.since(clock - limit.within)
+        counted = ended.replace(bytes([_PREEMPTED]), b"")
+        aborted = counted.count(_ABORTED)
+        succeeded = len(counted) - len(counted.rstrip(bytes([_SUCCEEDED])))  # in a row, at last
         level = _level(limit, aborted, over=succeeded)
         last = datetime.fromtimestamp(self._aborted_at, timezone.utc)
         text = (
             f"aborted {aborted} of the last {len(counted)} goals, the last at {last:%H:%M:%S} UTC"
         )
         return level, text
-
-    @property
-    def limits(self) -> tuple[TooMany, ...]:
-        """What of it is counted for a while."""
-        if self.rule is None:
-            return ()
-        return tuple(each for each in (self.rule.aborted, self.rule.started) if each is not None)
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
@@ -179,10 +211,10 @@ class Action:
 
     def _ends_of_windows(self, mono: float) -> Iterator[float]:
         clock = self.clock.read(mono)
-        times = [*(at for at, _word in self._ended), *self._started]
-        for limit in self.limits:
-            later = (at + limit.within - clock for at in times if clock - at < limit.within)
-            yield mono + min(later, default=inf)
+        for each in (self._ended, self._started):
+            first = None if each is None else each.next_after(clock - each.within)
+            if each is not None and first is not None:
+                yield mono + first + each.within - clock
 
     # -- outliving the process -----------------------------------------------------------------
 
@@ -191,29 +223,33 @@ class Action:
         clock = self.clock.read(now.mono)
         return ActionLearned(
             self.goals.learned(now.mono),
-            [(clock - at, word) for at, word in self._ended],
-            [clock - at for at in self._started],
+            [(clock - at, RESULTS[what]) for at, what in self._ended or ()],
+            [clock - at for at, _what in self._started or ()],
             self._aborted_at,
         )
 
     def restore(self, learned: ActionLearned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
         self.goals.restore(GoalsLearned(*learned.goals), now.mono)
-        self._ended = [(-age, word) for age, word in learned.ended]
-        self._started = [-age for age in learned.started]
-        self._aborted_at = learned.aborted_at
+        ended = [(age, RESULTS.index(word)) for age, word in learned.ended]
+        _restore(self._ended, ended)
+        _restore(self._started, [(age, 0) for age in learned.started])
+        aborted = (age for age, what in ended if what == _ABORTED)
+        self._aborted_at, self._last_aborted = learned.aborted_at, -min(aborted, default=inf)
 
 
 class Missions:
     """The actions of one robot, by their names in its namespace."""
 
-    def __init__(self, rules: tuple[ActionRule, ...], namespace: str) -> None:
+    def __init__(self, rules: tuple[ActionRule, ...], namespace: str, since: float) -> None:
         self._rules, self._namespace = rules, namespace
+        self.since = since  # when counting began, Unix time
         self.actions: dict[str, Action] = {}
         self.autonomy: Autonomy | None = None  # where an entry says what its mode is
         self.mode: Mode = (None, None)  # as it was taken last
         self.due = inf  # when `tick` has something to do, or a status is another, monotonic
         self._report_at = inf  # when what runs is said again, monotonic
+        self._telling: set[Action] = set()  # those of which there is something to say then
 
     def configure(self, rules: tuple[ActionRule, ...], namespace: str) -> list[str]:
         """Follow other entries; the actions that have none any more, and so are no components."""
@@ -223,7 +259,7 @@ class Missions:
             rule = rule_for(rules, namespace, name)
             if rule is None and action.rule is not None:
                 gone.append(name)
-            action.rule, action.status = rule, None
+            action.set_rule(rule)
         return gone
 
     def action(self, name: str) -> Action | None:
@@ -249,25 +285,26 @@ class Missions:
             self.autonomy.advance(now.mono)
         return [(each, end) for each in self.actions.values() for end in each.tick(now)]
 
-    def take_statuses(self, actions: Iterable[Action], now: Instant) -> list[Status]:
-        """The statuses of these actions that are others than before."""
-        found = []
+    def take_statuses(self, actions: Iterable[Action], now: Instant) -> tuple[list[Status], bool]:
+        """The statuses of these actions that are others than before, and if a level is another."""
+        found, is_turned = list[Status](), False
         for each in actions:
-            status = each.take_status(now)
+            before = each.level
+            status = each.take_status(now, tells_values=now.mono >= self._report_at)
             each.schedule(now.mono)
+            (self._telling.add if each.tells_more else self._telling.discard)(each)
             if status is not None:
                 found.append(status)
-        return found
+                is_turned |= status.level != before
+        return found, is_turned
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
-        actions = self.actions.values()
-        runs = any(each.goals.running for each in actions if each.rule is not None)
-        if not (runs or (self.autonomy is not None and self.autonomy.is_running)):
+        if not (self._telling or (self.autonomy is not None and self.autonomy.is_running)):
             self._report_at = inf
         elif self._report_at == inf or self._report_at <= mono:
             self._report_at = mono + REPORT
-        self.due = min([self._report_at, *[each.due for each in actions]])
+        self.due = min([self._report_at, *[each.due for each in self.actions.values()]])
 
     def due_actions(self, mono: float) -> list[Action]:
         """Those whose status may be another by now."""
@@ -275,23 +312,39 @@ class Missions:
         return [
             each
             for each in self.actions.values()
-            if mono >= each.due or (says_again and each.goals.running)
+            if mono >= each.due or (says_again and each in self._telling)
         ]
 
     def learned(self, now: Instant) -> MissionsLearned:
         """What a later process should know."""
         actions = {name: each.learned(now) for name, each in self.actions.items()}
         autonomy = None if self.autonomy is None else self.autonomy.learned(now)
-        return MissionsLearned(actions, autonomy)
+        return MissionsLearned(actions, autonomy, self.since)
 
     def restore(self, learned: MissionsLearned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
+        self.since = learned.since
         for name, each in learned.actions.items():
             if (action := self.action(name)) is not None:
                 action.restore(ActionLearned(*each), now)
         if learned.autonomy is not None:
             self.autonomy = Autonomy()
             self.autonomy.restore(AutonomyLearned(*learned.autonomy))
+
+
+def _counted_by(limit: TooMany | None, known: Recent | None) -> Recent | None:
+    """What an entry counts, with what of it is known."""
+    if limit is None or known is None:
+        return None if limit is None else Recent(limit.within)
+    known.within = limit.within
+    return known
+
+
+def _restore(recent: Recent | None, known: list[tuple[float, int]]) -> None:
+    """Take what happened so many seconds ago, as an earlier process knew it."""
+    if recent is not None:
+        for age, what in sorted(known, key=lambda each: -each[0]):
+            recent.add([what], -age)
 
 
 def _level(limit: TooMany, count: int, *, over: int = 0) -> Level:

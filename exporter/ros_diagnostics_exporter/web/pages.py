@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.severity import (
     OF_CAPABILITY_STATE,
     SEVERITIES,
     ShownProblem,
+    ahead_texts,
     as_planned,
     clock,
     component_path,
@@ -38,7 +39,9 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.mission_section import MissionSection
 from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
+from ros_diagnostics_exporter.web.search import MAX_FOUND, find, find_components
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all
@@ -54,12 +57,15 @@ def landing(
 ) -> str:
     """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped.
 
-    With a ``query`` only the robots and problems that have this text in them, in any case; with
-    ``acts`` its problems link the forms of their pages.
+    With a ``query`` only the robots, problems and components that have this text in them, in any
+    case, and counts of these; with ``acts`` its problems link the forms of their pages.
     """
     now = fleet["time"]
+    components = find_components(fleet, query) if query else []
+    fleet = find(fleet, query) if query else fleet
     count = Counter(map(state_of, fleet["robots"]))
-    fleet = _found(fleet, query.casefold()) if query else fleet
+    always = "" if query else "OK"  # what a search has not found is not counted
+    counts = {each: count[each] for each in SEVERITIES if count[each] or each == always}
     robots = [(state_of(robot), robot) for robot in fleet["robots"]]
     troubled = [each for each in robots if each[1]["problems"] or SEVERITIES[each[0]] > 0]
     troubled.sort(key=_worst_first)
@@ -72,10 +78,12 @@ def landing(
         acts=acts,
         version=__version__,
         telemetry_path=telemetry_path,
-        counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
+        counts=counts,
         unclaimed=[] if query else unclaimed_texts(fleet),
         queries=[query_text(each) for each in fleet.get("queries", ()) if each["error"]],
         capabilities=[] if query else _of_fleet(fleet),
+        components=components[:MAX_FOUND],
+        component_number=len(components),
         common=common,
         common_number=common_number,
         troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
@@ -86,47 +94,29 @@ def landing(
     )
 
 
-def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
-    """The fleet with only the robots, and the problems of many, that have ``text`` in them."""
-
-    def has(owner: dict[str, Any], *names: object) -> bool:
-        shown, _ = shown_problems(owner, fleet["time"], MAX_LISTED)
-        words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
-        return any(text in str(each).casefold() for each in words)
-
-    return {
-        **fleet,
-        "robots": [
-            robot
-            for robot in fleet["robots"]
-            if has(robot, robot["robot"], *robot["labels"].values())
-        ],
-        "problems": [each for each in fleet["problems"] if has({**fleet, "problems": [each]})],
-    }
-
-
 def robot_page(
     fleet: dict[str, Any],
     name: str,
     events: Iterable[dict[str, Any]],
     history: Iterable[dict[str, Any]] = (),
     *,
+    missions: MissionSection | None = None,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms.
-
-    All texts in it are escaped.
+    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms. What the section
+    of ``missions`` has is in neither of the lists below it. All texts in it are escaped.
     """
     robot = next((each for each in fleet["robots"] if each["robot"] == name), None)
     if robot is None:
         return None
     now = fleet["time"]
     problems, problem_number = shown_problems(robot, now, MAX_LISTED)
-    in_order = list(history)[-EVENTS:]
-    shown = {(each["time"], each["text"]) for each in in_order}
-    others = (each for each in events if (each["time"], one_line(event_text(each))) not in shown)
+    shown = {_line(each) for each in missions.moments} if missions else set()
+    in_order = [each for each in history if (each["time"], each["text"]) not in shown][-EVENTS:]
+    shown |= {(each["time"], each["text"]) for each in in_order}
+    others = (each for each in events if _line(each) not in shown)
     return _render(
         "robot.html",
         title=f"{name}: ROS diagnostics",
@@ -134,20 +124,27 @@ def robot_page(
         fleet=fleet["fleet"],
         name=name,
         state=state_of(robot),
-        marks=_marks(robot, now),
+        marks=_marks(robot, now) + ahead_texts(robot, now),
+        links=robot["links"],
         capabilities=_capabilities(robot),
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
+        missions=missions,
         history=in_order,
         components=_components(robot, problems),
         component_number=len(robot["components"]),
         events=list(islice(others, EVENTS)),
         acting=acting,
         downtimes=DOWNTIMES,
-        planned=robot["downtimes"],
+        planned=robot["downtimes"] + robot["downtimes_ahead"],
         parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
+
+
+def _line(event: dict[str, Any]) -> tuple[float, str]:
+    """An event's time and text, as the history has them."""
+    return event["time"], one_line(event_text(event))
 
 
 def rejected(why: str) -> str:
@@ -379,6 +376,10 @@ def _at(unix: float, now: float) -> str:
     return clock(unix, now, local=False)
 
 
+def _time_of_day(unix: float) -> str:
+    return clock(unix, unix, local=False, seconds=False).removesuffix(" UTC")
+
+
 def _quoted(name: str) -> str:
     """A name for a URL, its slashes too; what is no Unicode is replaced."""
     return quote(name, safe="", errors="replace")
@@ -418,6 +419,7 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "at": _at,
+        "time_of_day": _time_of_day,
         "bounds": _bounds,
         "event_text": event_text,
         "quoted": _quoted,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -17,6 +18,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
     Fleet,
+    Profile,
     Query,
     Robot,
     Source,
@@ -215,6 +217,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "last_message": WALL,
         "labels": {"site": "hall"},
         "address": "10.0.0.1",
+        "links": {},
         "domain_id": 7,
         "namespace": "/r",
         "topic": "/r/diagnostics_agg",
@@ -223,6 +226,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "maintenance_until": None,
         "capabilities_text": "",
         "downtimes": [],
+        "downtimes_ahead": [],
         "capabilities": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
@@ -245,6 +249,10 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
     }
 
 
+def times(begin: float, end: float) -> dict[str, float]:
+    return {"from": WALL + begin, "until": WALL + end}
+
+
 def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault():
     driver = StateDriver()
     driver.raw_every(1, 60, HOT)
@@ -263,8 +271,11 @@ def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault()
 
     assert (shown["maintenance"], shown["maintenance_until"]) == (True, WALL + 80)
     assert shown["downtimes"] == [
-        {"component": "", "until": WALL + 80, "author": "bob", "comment": "service"},
-        {"component": "Lidar", "until": WALL + 99, "author": "ann", "comment": "lens"},
+        {"component": "", **times(60, 80), "author": "bob", "comment": "service"},
+        {"component": "Lidar", **times(0, 99), "author": "ann", "comment": "lens"},
+    ]
+    assert shown["downtimes_ahead"] == [
+        {"component": "", **times(90, 95), "author": "bob", "comment": "later"}
     ]
     (problem,) = shown["problems"]
     assert problem["notified"] == {"email": WALL + 55}
@@ -293,3 +304,12 @@ def test_a_query_says_how_it_was_answered():
     assert queries([Outcome(query, "", rows=2, skipped=1)]) == [
         {"name": "Host/load", "expr": "node_load1", "rows": 2, "skipped": 1, "error": ""}
     ]
+
+
+def test_a_robot_has_its_links_beside_those_of_its_profile():
+    profile = Profile(links={"manual": "https://w/amr", "camera": "http://{address}:8080/"})
+    settings = Robot("r", namespace="/r", profile=profile, links={"manual": "https://w/{robot}"})
+    known = replace(settings.reading(Source.RAW), address="fe80::1")
+    found = robot(StateDriver(fleet=Fleet("f", (known,))))
+
+    assert found["links"] == {"manual": "https://w/r", "camera": "http://[fe80::1]:8080/"}
