@@ -283,6 +283,7 @@ def _robot(
         "last_message": robot.last_wall or None,
         "labels": dict(settings.labels),
         "address": settings.address,
+        "links": dict(settings.links),
         "domain_id": settings.domain_id,
         "namespace": settings.namespace,
         "topic": robot.topic or None,

@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Name,
     Namespace,
     Topic,
+    Url,
 )
 from ros_diagnostics_exporter.model import ZENOH
 
@@ -42,6 +43,7 @@ RAW_NAME = "diagnostics"
 MESSAGE_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 Labels = Annotated[Mapping[str, str], Written(dict[LabelName, LabelValue], MappingProxyType)]
+Links = Annotated[Mapping[str, str], Written(dict[Name, Url], MappingProxyType)]
 
 
 class Source(str, Enum):
@@ -122,6 +124,11 @@ class Robot(Entry):
         default=None,
     )
     labels: Labels = _labels()
+    links: Links = described(
+        "Pages about the robot, each with its name. The robot's page and the API have them.",
+        example={"wiki": "https://wiki.example.org/r1"},
+        default_factory=nothing,
+    )
     topic: Topic | None = described(
         "The topic in full, in place of `namespace`. With source `auto` or `both` it is the "
         "aggregate's if it ends in `_agg`, else raw, and the other is named after it. If it is one "

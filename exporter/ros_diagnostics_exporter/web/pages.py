@@ -137,6 +137,7 @@ def robot_page(
         marks=_marks(robot, now),
         capabilities=_capabilities(robot),
         facts=_facts(robot, now),
+        links=robot["links"],
         problems=problems,
         problem_number=problem_number,
         history=in_order,

@@ -198,6 +198,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         source=Source.AGG,
         address="10.0.0.1",
         labels={"site": "hall"},
+        links={"wiki": "https://wiki.example.org/r"},
     )
     driver = StateDriver(fleet=Fleet("f", (made,)))
     shown = robot(driver)
@@ -215,6 +216,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "last_message": WALL,
         "labels": {"site": "hall"},
         "address": "10.0.0.1",
+        "links": {"wiki": "https://wiki.example.org/r"},
         "domain_id": 7,
         "namespace": "/r",
         "topic": "/r/diagnostics_agg",
