@@ -18,6 +18,7 @@ import ssl
 import time
 import urllib.parse
 from collections.abc import Iterator
+from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
@@ -76,6 +77,13 @@ class Client:
         self._ca_file = ca_file
         self._cert_file = cert_file
         self._key_file = key_file
+        self._authorization: str | None = None
+
+    def logged_in(self, authorization: str) -> Client:
+        """The same client with this header in place of a user and a password."""
+        other = copy(self)
+        other._authorization = authorization  # noqa: SLF001 - of this class
+        return other
 
     def fleet(self, robots: tuple[str, ...] = ()) -> dict[str, Any]:
         """The fleet as the exporter's /api/v1/fleet returns it; only ``robots`` if any are named.
@@ -188,6 +196,8 @@ class Client:
         return context
 
     def _login(self) -> dict[str, str]:
+        if self._authorization is not None:
+            return {"Authorization": self._authorization}
         if self._bearer_token_file is not None:
             token = self._bearer_token_file.read_text("utf-8").strip()
             return {"Authorization": f"Bearer {token}"}

@@ -18,7 +18,15 @@ import yaml
 
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 from support.alerts import post_alerts
-from support.existing_site import ALERTMANAGER, OWN_RULES, PAGE, PROMETHEUS, added
+from support.existing_site import (
+    ALERTMANAGER,
+    OWN_RULES,
+    PAGE,
+    PROMETHEUS,
+    STACK,
+    added,
+    exempted,
+)
 from testbed import http, servers
 from testbed.configuration import CHECKOUT
 from testbed.mail import Inbox
@@ -65,8 +73,14 @@ def mails(site: Site) -> Mails:
 @pytest.fixture
 def alertmanager(site: Site) -> str:
     """The address of an Alertmanager that others use, with the page's pieces."""
+    return with_pieces(site, ALERTMANAGER)
+
+
+def with_pieces(site: Site, others: str) -> str:
+    """The address of an Alertmanager with the configuration of others and the page's pieces."""
     name = "alertmanager.yml"
-    config = site.write(name, added(ALERTMANAGER.format(smtp=site.addresses.smtp), name))
+    text = added(others.format(smtp=site.addresses.smtp), name)
+    config = site.write(name, exempted(text))
     shutil.copytree(CHECKOUT / "alertmanager" / "templates", site.folder / "ros-diagnostics")
     site.start_mail_server()
     address = site.addresses.alertmanager
@@ -109,15 +123,8 @@ def test_a_robot_suppresses_no_warning_of_the_site_and_the_site_none_of_a_robot(
         alert("DiskFull", "warning", cluster="lab"),
     )
 
-    def suppressed() -> list[tuple[str, str]]:
-        return [
-            (each["labels"]["alertname"], each["labels"]["cluster"])
-            for each in http.get_json(alertmanager, "/api/v2/alerts")
-            if each["status"]["inhibitedBy"]
-        ]
-
-    until(suppressed, "the site's own inhibition", 60)
-    assert suppressed() == [("DiskFull", "lab")]
+    until(lambda: suppressed(alertmanager), "the site's own inhibition", 60)
+    assert suppressed(alertmanager) == [("DiskFull", "warning", "lab")]
     groups = http.get_json(alertmanager, "/api/v2/alerts/groups")
     receivers = {
         (each["labels"]["alertname"], group["receiver"]["name"])
@@ -129,6 +136,43 @@ def test_a_robot_suppresses_no_warning_of_the_site_and_the_site_none_of_a_robot(
         ("RobotGripperDown", "robots"),
         ("RobotDiskFillsUp", "robots"),
     }
+
+
+def suppressed(alertmanager: str) -> list[tuple[str, str, str]]:
+    """Name, severity and cluster of the alerts that are inhibited, in this order."""
+    names = ("alertname", "severity", "cluster")
+    return sorted(
+        tuple(each["labels"][name] for name in names)
+        for each in http.get_json(alertmanager, "/api/v2/alerts")
+        if each["status"]["inhibitedBy"]
+    )
+
+
+def test_with_the_inhibitions_of_a_cluster_no_alert_about_robots_is_suppressed(
+    site: Site,
+):
+    alertmanager = with_pieces(site, STACK)
+    of = {"fleet": "hall", "scope": "robot", "state": "many"}
+    post_alerts(
+        alertmanager,
+        *(
+            alert(name, severity, robot=f"r{number}", **of)
+            for name in ("RosDiagnosticsManyComponents", "RobotGripperDown")
+            for number, severity in enumerate(("critical", "warning", "info"), 1)
+        ),
+        alert("InfoInhibitor", "none"),
+        alert("PodCrashes", "critical", namespace="shop"),
+        alert("PodCrashes", "warning", namespace="shop"),
+        alert("NodeIsBusy", "info"),
+    )
+    theirs = [
+        ("InfoInhibitor", "none", "prod"),
+        ("NodeIsBusy", "info", "prod"),
+        ("PodCrashes", "warning", "prod"),
+    ]
+
+    until(lambda: len(suppressed(alertmanager)) >= len(theirs), "the cluster's inhibitions", 60)
+    assert suppressed(alertmanager) == theirs
 
 
 @pytest.fixture

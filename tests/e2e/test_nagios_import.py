@@ -11,6 +11,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.load import load
@@ -18,6 +19,7 @@ from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT, ImportO
 from ros_diagnostics_tools.nagios.importer.files import Definition, read
 from ros_diagnostics_tools.nagios.importer.inheritance import Templates
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
+from ros_diagnostics_tools.nagios.importer.routes import NOBODY, ROUTES
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
@@ -135,6 +137,21 @@ def recipients(thing, host) -> tuple[set[str], ...]:
 
 def listed(value) -> tuple[set[str], ...]:
     return tuple({each for each in value(key).split(",") if each} for key in LISTS[:2])
+
+
+def test_a_contact_without_options_is_notified_of_nothing_as_in_nagios(tmp_path):
+    main = own_site(tmp_path)
+    contacts = tmp_path / "objects/robots/contacts.cfg"
+    lines = contacts.read_text().splitlines()
+    contacts.write_text("\n".join(each for each in lines if "notification_options" not in each))
+
+    theirs = [each for key, each in precached(main).items() if key[0] == "contact"]
+    options = (f"{kind}_notification_options" for kind in ("host", "service"))
+    assert {each.value(key) for each in theirs for key in options} == {"n"}
+    made = convert([main], ImportOptions("hall"))
+    assert {each["name"] for each in yaml.safe_load(made.texts[ROUTES])["receivers"]} == {NOBODY}
+    reasons = "has no (host|service)_notification_options, and then Nagios notifies it of no"
+    assert len(re.findall(reasons, made.texts[REPORT])) >= len(theirs)
 
 
 def test_groups_have_the_members_that_nagios_finds(main):

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 import textwrap
 
+import yaml
+
 from testbed.configuration import CHECKOUT
 
 PAGE = CHECKOUT / "docs" / "existing-servers.md"
@@ -41,6 +43,44 @@ receivers:
   email_configs: [{{to: pager@example.org}}]
 - name: heartbeat
   email_configs: [{{to: heartbeat@example.org}}]
+"""
+# As kube-prometheus-stack has it, with its inhibitions, the last one of which has no source.
+STACK = """\
+global:
+  smtp_smarthost: {smtp}
+  smtp_require_tls: false
+  smtp_from: alertmanager@example.org
+inhibit_rules:
+- source_matchers:
+  - severity = critical
+  target_matchers:
+  - severity =~ warning|info
+  equal: [namespace, alertname]
+- source_matchers:
+  - severity = warning
+  target_matchers:
+  - severity = info
+  equal: [namespace, alertname]
+- source_matchers:
+  - alertname = InfoInhibitor
+  target_matchers:
+  - severity = info
+  equal: [namespace]
+- target_matchers:
+  - alertname = InfoInhibitor
+receivers:
+- name: "null"
+route:
+  group_by: [namespace]
+  group_interval: 5m
+  group_wait: 30s
+  receiver: "null"
+  repeat_interval: 12h
+  routes:
+  - matchers: [alertname = "Watchdog"]
+    receiver: "null"
+templates:
+- own/*.tmpl
 """
 PROMETHEUS = """\
 global:
@@ -91,6 +131,19 @@ def added(config: str, file: str) -> str:
             [line for sign, line in changes if sign == wanted] for wanted in ("-", "+")
         )
         for before, after in zip(removed, exempt, strict=True):
-            assert before in config
             config = config.replace(before, after)
     return config
+
+
+def exempted(config: str) -> str:
+    """Alertmanager's configuration, with the page's matcher in each inhibition, on both sides."""
+    changes = re.findall(
+        r"^\+ {2,}(source|target)_matchers: \[.*, (.*)\]", PAGE.read_text(), re.MULTILINE
+    )
+    assert [side for side, _matcher in changes] == ["source", "target"]
+    content = yaml.safe_load(config)
+    for rule in content["inhibit_rules"]:
+        if "RosDiagnostics" not in str(rule):  # not one of the page, and not changed as it shows
+            for side, matcher in changes:
+                rule.setdefault(f"{side}_matchers", []).append(matcher)
+    return yaml.safe_dump(content, sort_keys=False)

@@ -65,6 +65,8 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error("give --prometheus.user or --prometheus.bearer-token-file, not both")
     if options.web_enable_actions and not options.alertmanager_url:
         parser.error("--web.enable-actions needs --alertmanager.url: acknowledgements are there")
+    if options.web_systemd_socket and options.web_listen_address:
+        parser.error("give --web.listen-address or --web.systemd-socket, not both")
     if options.live and not options.config_check:
         parser.error("--live needs --config.check")
     return options
@@ -144,6 +146,11 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         f"(default: {DEFAULT_ADDRESS})",
         action="append",
         metavar="HOST:PORT",
+    )
+    add(
+        "--web.systemd-socket",
+        "listen on the sockets that systemd passes, in place of --web.listen-address",
+        action="store_true",
     )
     add(
         "--web.telemetry-path",

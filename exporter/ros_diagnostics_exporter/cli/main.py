@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from ros_diagnostics_exporter import logs
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.cli import flags
+from ros_diagnostics_exporter.cli.systemd import passed_sockets
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
@@ -125,9 +126,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
-    listen = options.web_listen_address or [flags.DEFAULT_ADDRESS]
-    for address in listen:
-        parse_address(address)
+    listen = _listen(options)
     fleet = load(options.config_file)
     for warning in fleet.warnings:
         log.warning(warning)
@@ -147,6 +146,16 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     )
     _serve(options, listen, service)
     return 0
+
+
+def _listen(options: argparse.Namespace) -> Sequence[str | socket.socket]:
+    """What the web server listens on."""
+    if options.web_systemd_socket:
+        return passed_sockets()
+    addresses: list[str] = options.web_listen_address or [flags.DEFAULT_ADDRESS]
+    for each in addresses:
+        parse_address(each)
+    return addresses
 
 
 def _storage(options: argparse.Namespace) -> Storage | None:
@@ -180,7 +189,9 @@ def _prometheus(options: argparse.Namespace) -> Client | None:
     )
 
 
-def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> None:
+def _serve(
+    options: argparse.Namespace, listen: Sequence[str | socket.socket], service: Service
+) -> None:
     server = Server(
         service,
         listen=listen,

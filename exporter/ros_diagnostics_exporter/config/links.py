@@ -28,7 +28,7 @@ def link_name(value: Any) -> str:
 def link(value: Any) -> str:
     """An address of the web, perhaps with the robot's name and host in it."""
     remedy = "write it as https://host/page?r={robot} or http://{address}:80, without spaces"
-    return matching(value, _URL, "is no address of the web", remedy, MAX_URL)
+    return matching(value, _URL, "is not the URL of a page", remedy, MAX_URL)
 
 
 LinkName = Annotated[

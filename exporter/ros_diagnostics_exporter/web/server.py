@@ -51,14 +51,16 @@ class AddressError(ListenError):
     """A listen address is malformed."""
 
 
-def bind_all(addresses: Sequence[str]) -> list[socket.socket]:
-    """Listening sockets for all ``addresses``, or for none.
+def bind_all(listen: Sequence[str | socket.socket]) -> list[socket.socket]:
+    """Listening sockets for all addresses, or for none; a socket is taken as it is.
 
     Raises:
         ListenError: For the first address that fails.
     """
     with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(bind(address)) for address in addresses]
+        sockets = [
+            stack.enter_context(bind(each) if isinstance(each, str) else each) for each in listen
+        ]
         stack.pop_all()
     return sockets
 
@@ -130,6 +132,7 @@ class Server:
     Args:
         backend: What is served.
         listen: Addresses, ``host:port``; without a host all interfaces, port 0 is any free port.
+            Or listening sockets.
         telemetry_path: Where the metrics are.
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
@@ -148,7 +151,7 @@ class Server:
     def __init__(
         self,
         backend: Backend,
-        listen: Sequence[str],
+        listen: Sequence[str | socket.socket],
         *,
         telemetry_path: str = "/metrics",
         web_config: Path | None = None,

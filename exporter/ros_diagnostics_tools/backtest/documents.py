@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from textwrap import dedent
 from typing import Any, NamedTuple
 
 import yaml
@@ -30,6 +31,8 @@ class Document(NamedTuple):
 
 def documents(text: str) -> Iterator[Document]:
     """The values of a file, one or many, with ``---`` or nothing between them."""
+    if text[:1] in {" ", "\t"}:  # a block of code in Markdown
+        text = dedent(text)
     start = _BETWEEN.match(text)
     at = start.end() if start is not None else 0
     return _json(text) if text[at : at + 1] in {"{", "["} else _yaml(text)

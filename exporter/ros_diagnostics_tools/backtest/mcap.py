@@ -82,6 +82,7 @@ class McapFile:
         try:
             self._reader = SeekingReader(self._file)
         except (InvalidMagic, EndOfFile, struct.error) as error:
+            self._file.close()
             raise RecordingError(
                 f"{path}: cannot be read as a bag: does not begin as MCAP does"
             ) from error

@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
+from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.formats import Fields
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
 from ros_diagnostics_tools.backtest.measured import Past
@@ -22,6 +23,7 @@ from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 from ros_diagnostics_tools.backtest.small_topics import SmallTopics, small_topics
 
 TICK = 0.25  # seconds, as Service.TICK
+LONGEST_GAP = 86_400.0  # seconds without any message that are played
 LOOK = 1.0  # seconds between two looks at which topics are wanted, as the listener's
 Observer = Callable[[FleetState, Instant], None]
 
@@ -80,6 +82,7 @@ class Replay:
         self._look_at = self._begin
         self._messages = self._undecodable = 0
         self._reason = ""
+        self.warnings: list[str] = []
 
     def _instant(self, wall: float) -> Instant:
         return Instant(wall - self._begin, wall)
@@ -90,6 +93,9 @@ class Replay:
         """Let time pass up to a message, and take it."""
         if self._pause_ends is not None and message.at >= self._pause_ends.begin:
             self._restart(self._pause_ends.begin)
+            self._pause_ends = next(self._periods, None)
+        if message.at - self._last > LONGEST_GAP:
+            self._skip(message.at)
         self._advance(message.at)
         self._last = max(self._last, message.at)
         now = self._instant(self._last)
@@ -140,7 +146,16 @@ class Replay:
         self._small.enter(self.state)
         self._look()
         self.ledger.note(self.state)
-        self._pause_ends = next(self._periods, None)
+
+    def _skip(self, wall: float) -> None:
+        """Leave out the rest of a long time without messages, as where a clock was set."""
+        gap = wall - self._last
+        self.warnings.append(
+            f"nothing was recorded for {words.duration(gap)}: of that time the first "
+            f"{words.duration(LONGEST_GAP)} count, and then the exporter as stopped"
+        )
+        self._last += LONGEST_GAP
+        self._restart(wall)
 
     # -- topics ------------------------------------------------------------------------------
 

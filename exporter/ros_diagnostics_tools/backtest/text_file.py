@@ -29,6 +29,7 @@ from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Row, Un
 RAW, AGGREGATED = "/diagnostics", "/diagnostics_agg"
 LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
 HEAD = 64 * 1024  # bytes in which a file of another ending shows that it has messages
+LATEST = 2.0**33  # Unix seconds, in the year 2242
 CUT = "..."  # what `ros2 topic echo` prints for the rest of a long list
 _Unplaced = tuple[float | None, str | None, Array | Undecodable]
 
@@ -73,7 +74,7 @@ class TextFile:
             yield None, None, Undecodable(f"line {document.line} {document.damage}")
         for number, item in enumerate(_items(document.value), 1):
             try:
-                yield from self._understood(item)
+                yield from map(_timed, self._understood(item))
             except (ValueError, TypeError, AttributeError, RecursionError) as error:  # noqa: PERF203
                 more = f", number {number}" if isinstance(document.value, list) else ""
                 topic = item.get("topic") if isinstance(item.get("topic"), str) else None
@@ -103,6 +104,13 @@ class TextFile:
     def close(self) -> None:
         """Let go of the messages."""
         self._rows.clear()
+
+
+def _timed(row: _Unplaced) -> _Unplaced:
+    at = row[0]
+    if at is not None and not 0 <= at < LATEST:
+        raise ValueError(f"{at:g} is no time in Unix seconds")
+    return row
 
 
 def _items(value: Any) -> Iterator[dict[str, Any]]:

@@ -274,7 +274,9 @@ class _Judged:
         if self._samples is not None:
             self._samples.close()
         self.warnings = _warnings(self.result, self._recordings)
-        self.warnings += dict.fromkeys(each for of in replays for each in of.past.warnings())
+        self.warnings += dict.fromkeys(
+            each for of in replays for each in (*of.warnings, *of.past.warnings())
+        )
         if recording is not None:
             for replay in replays:
                 self.warnings += too_short(recording, replay.result(), replay.state)

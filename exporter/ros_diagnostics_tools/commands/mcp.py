@@ -7,17 +7,40 @@ import sys
 import click
 
 from ros_diagnostics_exporter.extras import install_command
+from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.servers import Servers, with_servers
 
+_LOGINS = {"user", "password_file", "cert_file", "key_file"}
+
 
 @click.command(epilog="Example, as a program's server: ros-diagnostics mcp --url http://hall:9877")
+@click.option(
+    "--listen",
+    type=Address(),
+    help="Answer over HTTP at /mcp of this address, in place of stdin and stdout; who asks logs in "
+    "with a user of the exporter.",
+)
 @with_servers
-def command(servers: Servers) -> None:
+def command(servers: Servers, listen: tuple[str, int] | None) -> None:
     """Answer questions about the fleet over stdin and stdout, for an assistant; read only."""
     try:
-        from ros_diagnostics_tools.ask import make_server  # noqa: PLC0415 - an extra
+        from ros_diagnostics_tools.ask import make_server, serve_http  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise NotDoneError(f"mcp needs its library: {install_command('mcp')}") from error
-    sys.stderr.write(f"answers about {servers.exporter.url} on stdin and stdout\n")
-    make_server(servers.exporter).run()
+    about = f"answers about {servers.exporter.url}"
+    if listen is None:
+        sys.stderr.write(f"{about} on stdin and stdout\n")
+        make_server(servers.exporter).run()
+        return
+    if given := sorted(_LOGINS & servers.options.keys()):
+        # Else everybody who reaches the port would have the rights of that user.
+        flag = f"--{given[0].replace('_', '-')}"
+        raise click.UsageError(f"{flag} is not used with --listen: who asks logs in; leave it out")
+    host, port = listen
+    sys.stderr.write(f"{about} on http://{host}:{port}/mcp\n")
+    try:
+        serve_http(servers.exporter, host, port)
+    except OSError as error:
+        what = f"cannot listen on {host}:{port}: {error.strerror}"
+        raise NotDoneError(f"{what}; choose another --listen") from error

@@ -133,7 +133,7 @@ def _build(
             _digest(config, rota.file),
         ]
     )
-    _print_warnings(map(str, check(oncall, config)))
+    _print_warnings(map(str, (*oncall.warnings(), *check(oncall, config))))
     built = build(oncall, oncall.duties(rota.now, until), config, until, header)
     _write(to, built, config.stat().st_mode)
     if rules:
@@ -154,12 +154,13 @@ def _build(
 def _check(rota: Rota, config: Path, built: Path | None, warn_before: float, output: str) -> int:
     """Check oncall.yml with Alertmanager's configuration, and what was built.
 
-    Exit code 1 where a receiver gets less than before, or what was built ends soon or is out of
-    date. Where people share days, it prints who gets which.
+    Exit code 1 where a receiver gets less than before, a daily handover divides the hours of a
+    day, or what was built ends soon or is out of date. Where people share days, it prints who gets
+    which.
     """
     oncall = rota.oncall
     duties = oncall.duties(rota.now, rota.now + rota.ahead)
-    warnings = [str(each) for each in check(oncall, config)]
+    warnings = [str(each) for each in (*oncall.warnings(), *check(oncall, config))]
     lines = [f"{rota.file}: valid until {oncall.local(rota.now + rota.ahead)}"]
     lines += [line for level in duties for line in _days(rota, level, duties[level])]
     if built is not None:

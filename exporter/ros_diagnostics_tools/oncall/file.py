@@ -245,6 +245,20 @@ class OnCall:
                 dates.update(map(date.fromordinal, range(first, last + 1)))
         return Counter(DAYS[each.weekday()] for each in dates)
 
+    def warnings(self) -> Iterator[Finding]:
+        """Shifts with turns of a day whose handover divides the hours of a day."""
+        for level in self.levels:
+            for at, shift in enumerate(level.shifts):
+                if shift.cut is None:
+                    continue
+                first, last = (f"{each // 60 % 24:02}:{each % 60:02}" for each in shift.cut)
+                what = (
+                    f"the handover at {shift.since:%H:%M} divides the hours {first}-{last}, so "
+                    "each part is a turn of its own"
+                )
+                remedy = f"write the beginning of the hours, T{first}"
+                yield self.document.problem((*level.place, "shifts", at, "since"), what, remedy)
+
     def local(self, when: datetime) -> str:
         """A time for people, in the file's time zone."""
         return f"{when.astimezone(self.zone):%Y-%m-%d %a %H:%M %Z}"

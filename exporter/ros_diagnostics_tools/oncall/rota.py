@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.weekly import Weekly
 _MINUTE = timedelta(minutes=1)
 _DAY = timedelta(days=1)
 _WEEK = timedelta(weeks=1)
+_MINUTES_OF_DAY = 1440
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,23 @@ class Shift:
     turn: timedelta  # of local time: whole days, so every handover has the hour of `since`
     zone: ZoneInfo
     hours: Weekly = ()  # of local time; () = all
+
+    @property
+    def cut(self) -> tuple[int, int] | None:
+        """The first hours, in minutes of a day, that a daily handover divides; None: none.
+
+        What is left of them after the handover is a turn, and before it one of another person.
+        """
+        handover = self.since.hour * 60 + self.since.minute
+        if self.turn != _DAY or len(self.people) == 1:
+            return None
+        divided = (
+            (first, last)
+            for _day, first, last in self.hours
+            if last - first < _MINUTES_OF_DAY
+            and (first < handover < last or first < handover + _MINUTES_OF_DAY < last)
+        )
+        return next(divided, None)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
+import subprocess
+import sys
+import urllib.request
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -81,3 +85,62 @@ def test_without_a_watchdog_nothing_is_notified(notified, monkeypatch, microseco
         monkeypatch.setenv("WATCHDOG_USEC", microseconds)
     Watchdog().beat()
     assert received(notified) == []
+
+
+# As systemd starts a service: the socket is file 3, and the environment says so.
+ACTIVATED = """
+import os, sys
+os.dup2(int(sys.argv.pop(1)), 3)
+os.environ |= {"LISTEN_FDS": "1", "LISTEN_PID": str(os.getpid() + int(sys.argv.pop(1)))}
+from ros_diagnostics_exporter.cli.main import main
+sys.exit(main())
+"""
+
+
+def activated(tmp_path, sock: socket.socket, other_process: int = 0, *more: str):
+    """An exporter with a socket that systemd listens on; or that is another process'."""
+    (tmp_path / "fleet.yml").write_text("fleet: hall\nrobots: [{name: ap_1, source: queries}]\n")
+    given = ["--config.file", "fleet.yml", "--storage.path", "none", "--web.systemd-socket", *more]
+    return subprocess.Popen(
+        [sys.executable, "-c", ACTIVATED, str(sock.fileno()), str(other_process), *given],
+        cwd=tmp_path,
+        pass_fds=(sock.fileno(),),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_who_asks_before_it_is_started_is_answered_on_the_socket_of_systemd(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        url = f"http://127.0.0.1:{listening.getsockname()[1]}/-/healthy"
+        with activated(tmp_path, listening) as exporter:
+            with urllib.request.urlopen(url, timeout=60) as answer:
+                assert answer.status == 200
+            assert exporter.stderr is not None
+            assert any("serving fleet hall on 127.0.0.1:" in line for line in exporter.stderr)
+            exporter.send_signal(signal.SIGTERM)
+        assert exporter.returncode == 0
+        with socket.create_connection(listening.getsockname(), 10):
+            pass  # systemd goes on listening: the next start answers this one
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "complaint", "code"),
+    [
+        ((socket.AF_INET, socket.SOCK_STREAM), (1,), "systemd has passed no socket; start", 1),
+        ((socket.AF_UNIX, socket.SOCK_STREAM), (), "not TCP; write ListenStream=9877", 1),
+        ((socket.AF_INET, socket.SOCK_DGRAM), (), "not TCP; write ListenStream=9877", 1),
+        (
+            (socket.AF_INET, socket.SOCK_STREAM),
+            (0, "--web.listen-address", ":9877"),
+            "give --web.listen-address or --web.systemd-socket, not both",
+            2,
+        ),
+    ],
+)
+def test_what_is_no_socket_of_systemd_ends_the_exporter(tmp_path, kind, given, complaint, code):
+    with socket.socket(*kind) as sock, activated(tmp_path, sock, *given) as exporter:
+        _output, errors = exporter.communicate(timeout=60)
+
+    assert complaint in errors
+    assert exporter.returncode == code

@@ -30,7 +30,7 @@ def test_without_a_host_the_links_that_need_it_are_left_out():
     ],
 )
 def test_what_is_no_address_of_the_web_is_no_link(url):
-    with pytest.raises(WrongValueError, match="is no address of the web"):
+    with pytest.raises(WrongValueError, match="is not the URL of a page"):
         link(url)
 
 

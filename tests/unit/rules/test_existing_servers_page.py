@@ -85,28 +85,33 @@ def firing(name: str) -> str:
     return series("ALERTS", alertname=f"RosDiagnostics{name}", alertstate="firing")
 
 
-def test_labels_of_the_target_come_to_faults_and_not_to_an_exporter_that_is_down(tmp_path: Path):
+def test_labels_of_the_target_come_to_faults_and_to_an_exporter_that_is_down(tmp_path: Path):
+    """The target's label is changed within the hour in which the exporter goes away: one alert."""
     target = {"env": "prod", "job": "j", "instance": "e"}
+    before = target | {"env": "test"}
     fault = {"fault": "1", "scope": "component", "state": "critical", "severity": "critical"}
-    settled = series("ros_diagnostics_exporter_settled", fleet="f", **target)
+    was_settled, settled = (
+        series("ros_diagnostics_exporter_settled", fleet="f", **each) for each in (before, target)
+    )
     start = series("ros_diagnostics_fault_start_timestamp_seconds", fleet="f", **fault, **target)
     test = {
         "interval": "5s",
         "input_series": [
-            {"series": series("up", **target), "values": "1x12 0x40"},
-            {"series": settled, "values": "1x12 stale"},
-            {"series": start, "values": "5x12 stale"},
+            {"series": series("up", **before), "values": "1x12 stale"},
+            {"series": series("up", **target), "values": "_x13 1x12 0x40 stale"},
+            {"series": was_settled, "values": "1x12 stale"},
+            {"series": settled, "values": "_x13 1x12 stale"},
+            {"series": start, "values": "_x13 5x12 stale"},
         ],
         "promql_expr_test": [
             {
-                "expr": f"group by (fleet, env) ({firing(name)})",
-                "exp_samples": [{"labels": series("", **labels), "value": 1}],
-                "eval_time": "3m",
+                "expr": f"count by (fleet, env) ({firing(name)})",
+                "exp_samples": [{"labels": series("", fleet="f", env="prod"), "value": 1}],
+                "eval_time": when,
             }
-            for name, labels in (
-                ("ComponentCritical", {"fleet": "f", "env": "prod"}),
-                ("ExporterDown", {"fleet": "f"}),
-            )
+            for name in ("ComponentCritical", "ExporterDown")
+            # The exporter does not answer, and is no target any more.
+            for when in ("4m", "6m")
         ],
     }
     files = [str(each) for each in RULE_FILES]

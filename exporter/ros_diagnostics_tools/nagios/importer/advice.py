@@ -6,7 +6,7 @@ from ros_diagnostics_tools.nagios.importer.files import Directive
 from ros_diagnostics_tools.nagios.importer.ledger import Effect
 
 _PAGE = "a text for Nagios' pages: not shown here"
-_LINK = "links stand in alertmanager/templates/site.tmpl, for all alerts"
+_LINK = "links are those of robots, and this is none"
 _PICTURE = "a picture of Nagios' map: Grafana's dashboards have none"
 _EVENT = "no command is run on a fault: a webhook of Alertmanager reads, and a person acts"
 _RETAIN = "state is always kept over a restart (--storage.path)"

@@ -15,6 +15,7 @@ from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.hours import Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
 from ros_diagnostics_tools.nagios.importer.ledger import Effect
+from ros_diagnostics_tools.nagios.importer.links import links
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
 UPLINK_QUERY = {  # as in docs/examples/queries/queries.d/hosts.yml
@@ -102,6 +103,7 @@ def _robot(
     entry: dict[str, Any] = {"name": robot.name, "namespace": namespace}
     robot.host.take("host_name", f"{where}.name and .namespace")
     entry |= _domain(robot, where) | _address(robot.host, where)
+    entry |= links(site, robot.host, [service for service, _ in robot.services], where)
     if profile != "default":
         entry["profile"] = profile
     labels = _labels(site, robot, where, robots)

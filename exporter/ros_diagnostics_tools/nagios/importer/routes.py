@@ -185,7 +185,10 @@ class _Router:
     ) -> Recipient | None:
         where = ROUTES
         enabled = contact.take(f"{kind}_notifications_enabled", f"{where}: routes to the contact")
-        options &= _options(kind, contact, f"{kind}_notification_options", where)
+        options &= _options(kind, contact, f"{kind}_notification_options", where, default="n")
+        if not contact.get(f"{kind}_notification_options"):
+            remedy = f"has no {kind}_notification_options, and then Nagios notifies it of no {kind}"
+            contact.lose("contact_name", remedy)
         key = f"{kind}_notification_period"
         contact.take(key, f"{where}: active_time_intervals")
         both = its_hours.both(hours(self._site, contact.get(key)))
@@ -380,9 +383,12 @@ def _implied(thing: Thing, host: Thing, key: str) -> Thing:
     return thing if key in thing.values or key not in host.values else host
 
 
-def _options(kind: Kind, thing: Thing, key: str, where: str) -> frozenset[str]:
-    """The letters of notification options; all where none is given or ``a``, none for ``n``."""
-    written = thing.take(key, f"{where}: alerts and send_resolved") or ALL_OPTIONS[kind]
+def _options(kind: Kind, thing: Thing, key: str, where: str, default: str = "a") -> frozenset[str]:
+    """The letters of notification options: all for ``a``, none for ``n``.
+
+    Where none is given, Nagios takes ``a`` for hosts and services, and ``n`` for contacts.
+    """
+    written = thing.take(key, f"{where}: alerts and send_resolved") or default
     letters = frozenset(each.strip()[:1] for each in written.split(",") if each.strip())
     if letters & {"a"}:
         letters = frozenset(ALL_OPTIONS[kind].split(","))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -187,23 +187,34 @@ class Site:
         if command is None:
             return ""
         values = {f"ARG{number}": text for number, text in enumerate(arguments, 1)}
-        return _filled(command.get("command_line"), self._macro(service, values))
+        return self.filled(command.get("command_line"), service.host, service, values)
 
-    def _macro(self, service: Service, values: dict[str, str]) -> Callable[[str], str | None]:
-        host = service.host
+    def filled(
+        self,
+        text: str,
+        host: Thing,
+        service: Service | None,
+        values: Mapping[str, str] | None = None,
+    ) -> str:
+        """A text of a host or service with its macros, and ``values``, as far as they are known."""
+        return _filled(text, self._macro(host, service, values or {}))
+
+    def _macro(
+        self, host: Thing, service: Service | None, values: Mapping[str, str]
+    ) -> Callable[[str], str | None]:
         fixed = {
             **values,
             "HOSTNAME": host.get("host_name"),
             "HOSTADDRESS": host.get("address") or host.get("host_name"),
             "HOSTALIAS": host.get("alias"),
             "HOSTDISPLAYNAME": host.get("display_name"),
-            "SERVICEDESC": service.name,
+            **({"SERVICEDESC": service.name} if service else {}),
         }
 
         def value(name: str) -> str | None:
             if name.startswith("_HOST"):
                 return host.get(f"_{name[5:].upper()}")
-            if name.startswith("_SERVICE"):
+            if service and name.startswith("_SERVICE"):
                 return service.thing.get(f"_{name[8:].upper()}")
             if name.startswith("ARG"):
                 return fixed.get(name, "")

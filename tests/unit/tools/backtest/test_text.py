@@ -6,6 +6,7 @@ import base64
 import json
 import os
 from contextlib import closing
+from textwrap import indent
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, play
+from ros_diagnostics_tools.main import main
 from support.bags import BEGIN
 
 FLEET = """
@@ -74,6 +76,25 @@ def test_what_a_rosbridge_client_stores_is_judged(tmp_path):
     assert judged(tmp_path, path) == ([(30, 80)], 0, "")
 
 
+@pytest.mark.timeout(60)
+def test_a_clock_that_was_set_while_it_was_recorded_is_named_and_not_waited_for(tmp_path, capsys):
+    path, config = tmp_path / "diagnostics.json", tmp_path / "fleet.yml"
+    config.write_text(FLEET)
+    of_1970 = [message(at - int(BEGIN), 0) for at in range(20)]
+    path.write_text(json.dumps([*of_1970, *(message(at, 2) for at in range(20))]))
+
+    command = ["backtest", "--config", str(config), "--namespace", "r1", "--output", "json"]
+    assert main([*command, str(path)]) == 0
+
+    output = capsys.readouterr()
+    assert "nothing was recorded for 2" in output.err
+    found = json.loads(output.out)
+    assert found["warnings"] == [output.err.strip().removeprefix("ros-diagnostics: ")]
+    robot, drive = found["notifications"]
+    assert (robot["scope"], robot["since"]) == ("robot", 19)  # the first day of that time counts
+    assert (drive["component"], drive["since"]) == ("drive: Left", BEGIN)
+
+
 @pytest.mark.parametrize(
     "written",
     [
@@ -99,6 +120,18 @@ DAMAGED = {
     "half a stamp": (
         {"header": {"stamp": {"sec": 1}}, "status": []},
         "header.stamp.nanosec: Field required",
+    ),
+    "no time": (
+        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "1e400"),
+        "inf is no time in Unix seconds",
+    ),
+    "not a number": (
+        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "NaN"),
+        "nan is no time in Unix seconds",
+    ),
+    "long ago": (
+        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "-5"),
+        "-5 is no time in Unix seconds",
     ),
     "no level": (message(12, "broken"), "status.0.level: "),
     "no status": ({**message(12, 0), "status": [7]}, "status.0: Input should be"),
@@ -145,6 +178,13 @@ def echo(levels_, cut_off=False):
 def test_the_output_of_ros2_topic_echo_is_judged(tmp_path, name):
     path = tmp_path / name
     path.write_text(echo([2 if 20 <= at < 50 else 0 for at in range(60)]))
+
+    assert judged(tmp_path, path) == ([(20, 50)], 0, "")
+
+
+def test_it_is_judged_as_a_block_of_code_too(tmp_path):
+    path = tmp_path / "issue.md"
+    path.write_text(indent(echo([2 if 20 <= at < 50 else 0 for at in range(60)]), "    "))
 
     assert judged(tmp_path, path) == ([(20, 50)], 0, "")
 

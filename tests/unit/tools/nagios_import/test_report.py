@@ -174,6 +174,31 @@ def test_what_a_command_line_asks(line, expected):
     assert (None if found is None else tuple(found)) == expected
 
 
+def test_links_of_hosts_and_services_are_those_of_the_robot(run):
+    text = SITE.read_text()
+    of_host = "notes_url http://wiki/amr1"
+    assert of_host in text
+    text = text.replace(of_host, "notes_url http://wiki/$HOSTNAME$\n  action_url /cgi/$HOSTNAME$")
+    text = text.replace(
+        "service_description motors",
+        "service_description motors\n  action_url https://$HOSTADDRESS$/$SERVICEDESC$",
+    )
+
+    _code, _out, folder = run(text)
+
+    amr1, amr2 = load(folder / FLEET).robots
+    motors = "motors action_url"
+    assert dict(amr1.links) == {
+        "notes_url": "http://wiki/amr1",
+        motors: "https://10.0.0.1/motors",
+    }
+    assert dict(amr2.links) == {motors: "https://10.0.0.2/motors"}
+    found = parts(folder)
+    (lost,) = (each for each in found["For your information"] if "_url" in each)
+    assert lost.startswith('host amr1: action_url /cgi/$HOSTNAME$: "/cgi/amr1" is not the URL of')
+    assert sum("links[" in each for each in found["Translated"]) == 2
+
+
 @pytest.mark.parametrize(
     ("line", "is_lost"),
     [

@@ -28,6 +28,8 @@ define timeperiod {{
 }}
 define contact {{
     contact_name ada
+    host_notification_options d,u,r,f,s
+    service_notification_options w,u,c,r,f,s
     email ada@example.org
     pager +4915112345678
     host_notification_period day
@@ -35,6 +37,8 @@ define contact {{
 }}
 define contact {{
     contact_name ben
+    host_notification_options d,u,r,f,s
+    service_notification_options w,u,c,r,f,s
     email ben@example.org
     host_notification_period night
     service_notification_period night

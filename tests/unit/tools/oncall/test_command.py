@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import stat
 import subprocess
 import sys
@@ -204,6 +205,44 @@ def test_check_says_who_gets_which_days(run: Run):
         "  anna: Mon 1, Tue 1, Wed 1, Thu 1, Fri 1",
         "  ben: Mon 3, Tue 2, Wed 2, Thu 2, Fri 2, Sat 2, Sun 2",
     ]
+
+
+@pytest.mark.parametrize(
+    ("since", "hours", "divided"),
+    [
+        ("09:00", "Mon-Fri 08:00-19:00", "08:00-19:00"),
+        ("08:00", "Mon-Fri 08:00-19:00", ""),
+        ("19:00", "Mon-Fri 08:00-19:00", ""),
+        ("06:30", "Mon-Fri 22:00-07:00", "22:00-07:00"),
+        ("22:00", "Mon-Fri 22:00-07:00", ""),
+        ("09:00", "Sat-Sun 00:00-24:00", ""),
+    ],
+)
+def test_a_handover_within_the_hours_of_a_day_is_named(
+    run: Run, since: str, hours: str, divided: str
+):
+    first = "          - {people: [anna, ben], since: 2027-01-04T09:00}\n"
+    daily = f"""\
+          - people: [anna, ben]
+            since: 2027-01-04T{since}
+            every: day
+            hours: ["{hours}"]
+"""
+    assert first in FILE
+    always = {"person": "ben", "start": "2027-01-01T00:00", "end": "2030-01-01T00:00"}
+    where = {"team": "robots", "level": "first"}
+    text = FILE.replace(first, daily) + yaml.safe_dump({"overrides": [always | where]})
+
+    code, output, errors = run(text, "check", "--ahead", "2w", now=NOW)
+
+    assert (code, bool(errors)) == (int(bool(divided)), bool(divided)), errors + output
+    if divided:
+        assert re.fullmatch(
+            rf"oncall.yml:(\d+): teams\[robots\].levels.first.shifts\[0\].since: the handover at "
+            rf"{since} divides the hours {divided}, so each part is a turn of its own; write the "
+            rf"beginning of the hours, T{divided[:5]}\n",
+            errors,
+        )
 
 
 def test_the_rule_fires_two_weeks_before_the_end(run: Run, folder: Path):
