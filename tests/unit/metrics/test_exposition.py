@@ -299,7 +299,9 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
         for state, number in counted.items()
     }
     labels = {"site": "hall", "team": "red", "author": "ann", "downtime": "new tires"}
-    assert samples["downtime_robots"] == {tuple(sorted({**own, **labels}.items())): 1}
+    named = {**own, **labels, "robots": "r4"}
+    ends = samples["downtime_end_timestamp_seconds"]
+    assert ends == {tuple(sorted(named.items())): WALL + 100}
 
 
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
