@@ -91,7 +91,10 @@ def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
 
     def has(owner: dict[str, Any], *names: object) -> bool:
         shown, _ = shown_problems(owner, fleet["time"], MAX_LISTED)
-        words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
+        words = [
+            *names,
+            *(f"{component_path(each.problem)} {each.subject} {each.message}" for each in shown),
+        ]
         return any(text in str(each).casefold() for each in words)
 
     return {
@@ -197,6 +200,7 @@ def fault_page(
             fleet=fleet["fleet"],
             robot=robot,
             fault=found,
+            path=component_path(its[0]),
             marks=_marks(of, now) if robot else [],
             ended=ended[:MAX_ENDED],
             ended_number=len(ended),

@@ -98,6 +98,10 @@ AT = {"fleet": "f", "instance": "e:1"}
 FIRING = [
     # alert, labels, the subject
     ("ComponentCritical", FAULT, "PROBLEM ** f/r1 Motor 1 is CRITICAL"),
+    (
+        *("ComponentCritical", {**FAULT, "component": "turtlebot4_diagnostics:  scan topic: lost"}),
+        "PROBLEM ** f/r1 scan topic: lost (turtlebot4_diagnostics) is CRITICAL",
+    ),
     ("ComponentWarning", WARM, "PROBLEM ** f/r1 Motor 1 is WARNING"),
     ("ComponentStale", FAULT | {"state": "stale"}, "PROBLEM ** f/r1 Motor 1 is STALE"),
     ("ValueWarning", VALUE, "PROBLEM ** f/r1 Motor 1 Level is WARNING: too low"),
