@@ -61,7 +61,9 @@ class States(click.ParamType[frozenset[str]]):
 
 @click.command(epilog="Example: ros-diagnostics status --state critical,silent --watch")
 @click.option("--state", type=States(), metavar="STATE[,STATE]", help="Only robots in these.")
-@click.option("--robot", default="*", metavar="PATTERN", help="Only these; * and ? are wildcards.")
+@click.option(
+    "--robot", default="*", metavar="PATTERN", help="Only these robots; * and ? are wildcards."
+)
 @click.option(
     "--component",
     metavar="TEXT",
@@ -135,7 +137,7 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
         fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
     table = _components(robots, fleet["time"]) if components else _robots(fleet, robots)
-    unclaimed = [f"no entry of fleet.yml takes {each}" for each in unclaimed_texts(fleet)]
+    unclaimed = [f"no entry of fleet.yml matches {each}" for each in unclaimed_texts(fleet)]
     summary = _summary(fleet, robots)
     return Group(table, summary, _plain(*unclaimed)) if unclaimed else Group(table, summary)
 
