@@ -21,7 +21,7 @@ BASE = CHECKOUT / "packaging" / "kubernetes" / "rules" / "rules.yaml"
 SERVERS = (
     "servers"  # the rules about Prometheus and Alertmanager, which such sites watch themselves
 )
-RUNBOOKS = "http://localhost:9877/runbooks"  # as site.runbooks_url of the mails
+RUNBOOKS = "http://localhost:9877/runbooks"  # below site.exporter_url of the mails
 # What of the metrics, how often: as the two jobs of prometheus/prometheus.yml.
 SCRAPES: dict[str, tuple[str, dict[str, list[str]]]] = {
     "ros-diagnostics-faults": ("2s", {"collect[]": ["faults"]}),

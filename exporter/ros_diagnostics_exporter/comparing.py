@@ -57,7 +57,10 @@ class Second:
     def stop(self) -> set[str]:
         """End it; the topics of which it received a message, and the nodes that it found."""
         if self._process.poll():
-            log.warning("a second participant failed (exit code %d)", self._process.returncode)
+            log.warning(
+                "the process that listens to silent robots failed (exit code %d)",
+                self._process.returncode,
+            )
         self._process.kill()
         return set(self._process.communicate()[0].splitlines())
 
@@ -119,7 +122,11 @@ class Comparing:
         try:
             self._second = Second(self._domain, wanted, self._listener.ros_arguments)
         except OSError as error:  # domains are joined all the same
-            log.warning("%s: no second participant was started: %s", place(self._domain), error)
+            log.warning(
+                "%s: the process that listens to silent robots was not started: %s",
+                place(self._domain),
+                error,
+            )
 
     def _judge(self, known: _Compared, second: Second, now: Instant) -> Mapping[Domain, str]:
         domain, before = self._domain, known.missed

@@ -421,7 +421,7 @@ class Service:
         """Acknowledge a fault that lasts, as Backend says."""
         lasting = self._lasting()
         if fault not in lasting:
-            raise LookupError("it has ended, or there was never one of this id")
+            raise LookupError("this fault has ended, or there never was one with this id")
         self._act(acknowledge, lasting[fault], person)
 
     def plan_downtime(

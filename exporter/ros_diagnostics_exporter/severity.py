@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.model import Unclaimed
-from ros_diagnostics_exporter.texts import natural
+from ros_diagnostics_exporter.texts import natural, without_node
 
 SEVERITIES = {"SILENT": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
 STATE_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
@@ -190,10 +192,11 @@ def shown_as_they_are(
     """These problems of a robot, or of the whole fleet; arguments as for `shown_problems`."""
     components = {(each["group"], each["component"]): each for each in owner.get("components", ())}
     checks = {each["check"]: each for each in owner.get("short_checks", ())}
+    short = short_names(owner)
     return [
         ShownProblem(
             problem_state(each),
-            subject(each),
+            subject(each, short),
             standing(each, now, owner, local=local),
             each["since"],
             _message(each, owner, components.get((each["group"], each["component"])), checks),
@@ -226,9 +229,13 @@ def _about(problem: dict[str, Any]) -> tuple[str, ...]:
     return (*(problem[name] for name in names), site, many)
 
 
-def subject(problem: dict[str, Any]) -> str:
-    """What a problem is about, as "/Motor/Motor 1"; its robot is not named."""
+def subject(problem: dict[str, Any], short: Mapping[str, str] = MappingProxyType({})) -> str:
+    """What a problem is about, as "/Motor/Motor 1"; its robot is not named.
+
+    ``short`` are the `short_names` of its robot.
+    """
     path = component_path(problem)
+    path = short.get(path, path)
     return {
         "component": path,
         "value": f"{path}: {problem['key']}",
@@ -251,6 +258,19 @@ def component_path(component: dict[str, Any]) -> str:
     if name.startswith(f"{group}: "):
         return str(name)
     return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
+
+
+def short_names(owner: dict[str, Any]) -> dict[str, str]:
+    """The path of each component -> its name, without node and group where the rest is unique."""
+    of_problems = (each for each in owner["problems"] if each["component"])
+    found = [*owner.get("components", ()), *of_problems]
+    names = {component_path(each): each["component"] for each in found}
+    rests, whole = Counter(map(without_node, names.values())), Counter(names.values())
+    return {
+        path: rest if rests[rest] == 1 else name if whole[name] == 1 else path
+        for path, name in names.items()
+        for rest in [without_node(name)]
+    }
 
 
 def part_path(part: dict[str, Any]) -> str:

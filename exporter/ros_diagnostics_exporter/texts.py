@@ -81,6 +81,14 @@ def _json_escape(char: str) -> str:
     return "\\u007f" if char == "\x7f" else json.dumps(char)[1:-1]
 
 
+def without_node(component: str) -> str:
+    """A component's name without the node that diagnostic_updater puts in front.
+
+    "motors: Motor 2" is "Motor 2".
+    """
+    return component.rpartition(": ")[2].strip()
+
+
 def nearest(text: str, names: Iterable[str]) -> str:
     """The name that is most similar to a text, case ignored; "" if none of the first 1,000 is."""
     known = {each.casefold(): each for each in islice(dict.fromkeys(names), MOST_COMPARED) if each}

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ros_diagnostics_exporter.texts import nearest
+from ros_diagnostics_exporter.texts import nearest, without_node
 from ros_diagnostics_tools.errors import NotDoneError
-
-
-def rest_of(component: str) -> str:
-    """A component's name without its node: "motors: Motor 2" is "Motor 2"."""
-    return component.rpartition(": ")[2]
 
 
 def meant(word: str, names: Iterable[str], *, by_part: bool = True) -> str:
@@ -25,7 +20,7 @@ def meant(word: str, names: Iterable[str], *, by_part: bool = True) -> str:
     wanted = _folded(word)
     for found in (
         [name for name in known if wanted == _folded(name)],
-        [name for name in known if wanted == _folded(rest_of(name))],
+        [name for name in known if wanted == _folded(without_node(name))],
         [name for name in known if by_part and wanted in _folded(name)],
     ):
         if found:

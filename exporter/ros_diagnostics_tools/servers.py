@@ -129,5 +129,5 @@ def _read(path: Path) -> dict[str, dict[str, str]]:
             f"{path} is no list of exporters; write exporters: {{NAME: {{url: {EXPORTER_URL}}}}}"
         ) from error
     if not found:
-        raise click.UsageError(f"{path}: exporters: names none")
+        raise click.UsageError(f"{path}: exporters: names no exporter")
     return {str(name): dict(entry) for name, entry in found.items()}

@@ -14,9 +14,10 @@ RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
 MEASURED = RESULTS.with_suffix(".md")
 PAGE = CHECKOUT / "docs" / "scaling.md"
 INTRODUCTION = """\
-`./run bench scale`, on two cores of a shared machine: Prometheus with the shipped rules,
-Alertmanager with the shipped routes, and the exporter's database with a change in 5 % of the
-robots. CRITICAL components are the same number on all robots: the worst case, an alert for each.
+`./run bench scale` measured this on two cores of a shared machine. Prometheus has the shipped
+rules, and Alertmanager the shipped routes. In the exporter's database, 5 % of the robots change.
+Each robot has as many CRITICAL components as any other: this is the worst case, because each of
+them has an alert.
 """
 Numbers = dict[str, Any]  # as RESULTS has them
 

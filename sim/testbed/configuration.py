@@ -189,13 +189,8 @@ def _set_addresses(content: dict[str, Any], smtp: str, recorder: str) -> None:
 def _set_links(site: Path, addresses: Addresses) -> None:
     """Set the links in notifications to this run's servers."""
     exporter, grafana = f"http://{addresses.exporter}", f"http://{addresses.grafana}"
-    fault = exporter + '{{ template "ros_diagnostics.fault_path" . }}'
     path = '{{ template "ros_diagnostics.dashboard_path" . }}'
-    links = {
-        "site.runbooks_url": f"{exporter}/runbooks",
-        "site.exporter.text": f"Fault:      {fault}\n",
-        "site.exporter.html": f'<a href="{fault}">Fault</a> &middot; ',
-    }
+    links = {"site.exporter_url": exporter}
     if addresses.grafana:
         links["site.dashboard.text"] = f"Dashboard:  {grafana}{path}\n"
         links["site.dashboard.html"] = f'<a href="{grafana}{path}">Dashboard</a> &middot; '

@@ -8,6 +8,7 @@ from support.shipped_rules import PROMTOOL_TESTS, read_yaml
 
 SINCE = "2026-01-12 03:04:05.25 +0000 UTC"
 BEGAN, ENDED = "2026-01-12T03:04:15Z", "2026-01-12T04:16:30Z"
+ESCALATED = "2026-01-12T03:19:15Z"
 ESCALATION = "RosDiagnosticsUnacknowledged"
 # What tells one fault from another; escalation has these labels, and `since`.
 STEPS = {"critical": ("1", "2"), "warning": ("0",)}
@@ -39,9 +40,15 @@ def _alert(name: str, expected: dict[str, Any]) -> dict[str, Any]:
 
 def _steps(fault: dict[str, Any]) -> list[dict[str, Any]]:
     texts = {"evidence": fault["annotations"].get("evidence", ""), "since": SINCE}
+    if fault["labels"].get("component") and fault["labels"].get("robot"):
+        texts["message"] = "drive switched off"
     of_exporter = "of" in fault["labels"]
     more = {"alertname": ESCALATION} | ({} if of_exporter else {"since": SINCE})
     return [
-        {**fault, "labels": {**fault["labels"], **more, "step": step}, "annotations": texts}
+        {
+            "labels": {**fault["labels"], **more, "step": step},
+            "annotations": texts,
+            "startsAt": ESCALATED,
+        }
         for step in STEPS[fault["labels"]["severity"]]
     ]

@@ -264,7 +264,7 @@ def _end(job: str, port: int | None) -> str:
         raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING, UPLINK]))}")
     port = port or PORTS[job]
     if port is None:
-        raise ValueError(f"which port? /sd/{job}?port=NUMBER")
+        raise ValueError(f"the port is missing: /sd/{job}?port=NUMBER")
     return f":{port}"
 
 

@@ -235,7 +235,9 @@ def _default_storage_path() -> Path:
 
 def _storage_path(text: str) -> Path | None:
     if not text:
-        raise argparse.ArgumentTypeError(f"{text!r} is no file; {NO_STORAGE} keeps nothing")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not the name of a file; with {NO_STORAGE} nothing is stored"
+        )
     return None if text == NO_STORAGE else Path(text)
 
 

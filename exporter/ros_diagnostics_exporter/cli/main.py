@@ -118,7 +118,7 @@ def _check(options: argparse.Namespace) -> int:
         print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
         unclaimed = unclaimed_from_json(fleet, live)
         if unclaimed:
-            print(f"taken by no entry ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
+            print(f"topics that no entry matches ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
         asked = [*map(query_text, live.get("queries", ()))]
         if asked:
             print(f"queries ({len(asked)}):", *asked, sep="\n  ")  # noqa: T201

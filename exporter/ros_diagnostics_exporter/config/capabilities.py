@@ -75,7 +75,10 @@ Need = ComponentsOf | CheckOf | CapabilityOf | RobotsOf | Expression
 def _need(value: Any, depth: int = 0) -> Need:
     """What one element of a list names."""
     if depth > _DEPTH:
-        raise WrongValueError(f"lists are in more than {_DEPTH} others", "name one a capability")
+        raise WrongValueError(
+            f"lists are nested deeper than {_DEPTH} levels",
+            "make a list within it a capability of its own",
+        )
     if not isinstance(value, dict) or "regex" in value:
         return ComponentsOf((word(value),))
     if "component" in value:
@@ -158,7 +161,7 @@ def _at_least(value: Any, depth: int = 0) -> Expression:
     k = value["k"]
     if isinstance(k, bool) or not isinstance(k, int) or not 1 <= k <= MOST_PARTS:
         remedy = f"use a whole number from 1 to {MOST_PARTS}"
-        raise WrongValueError(f"{quoted(k)} is not how many", remedy, ("k",))
+        raise WrongValueError(f"{quoted(k)} is not a number of parts", remedy, ("k",))
     of = _below("of", lambda: _needs(value["of"], depth))
     is_counted = not any(isinstance(each, ComponentsOf | RobotsOf) for each in of)
     if is_counted and k > len(of):
@@ -239,8 +242,8 @@ class Capability(Entry):
         default=None,
     )
     when: ConditionList = described(
-        "Only where this condition holds, or all of a list, is it needed: else it is OK. While the "
-        "condition is not known, no fault of it begins and none ends.",
+        "It is needed while this condition, or each of this list, is true; otherwise it is OK. "
+        "While the condition is not known, no fault of it begins or ends.",
         example={"component": "Mode", "key": "mode", "equals": "auto"},
         default=(),
     )

@@ -103,7 +103,7 @@ class Intermittent(Entry):
     """When faults too short to be confirmed are too many to be chance."""
 
     changes: Annotated[Count, Field(ge=2, le=20)] = described(
-        "From so many changes of a component's level on; two are one short fault.",
+        "So many changes of a component's level are a fault; one short failure is two changes.",
         example=6,
         default=4,
     )
@@ -114,19 +114,25 @@ class Falling(Entry):
     """When a value that falls will soon be below its critical threshold."""
 
     over: Duration = described(
-        "How fast it falls is computed from so long.", example="5m", default=900.0
+        "The time over which the fall is measured.", example="5m", default=900.0
     )
-    ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
+    ahead: Duration = described(
+        "It is a fault if the value would be too low within this time.",
+        example="1h",
+        default=1800.0,
+    )
 
 
 class RecordingSettings(Entry, title="Recordings"):
     """What a recording has of the messages around the begin of its fault (docs/time-machine.md)."""
 
     before: RecordedTime = described(
-        "Time before the begin, at most 10m. Memory grows with it.", example="2m", default=60.0
+        "How much is recorded from before, at most 10m. More takes more memory.",
+        example="2m",
+        default=60.0,
     )
     after: RecordedTime = described(
-        "Time after the begin, at most 10m; that long a recording is not there yet.",
+        "How much is recorded after it began, at most 10m. The recording is there after this time.",
         example="30s",
         default=10.0,
     )
@@ -136,7 +142,7 @@ class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
     restart_grace: Duration = described(
-        "Time after a start of the exporter in which no fault begins for want of data.",
+        "After a start of the exporter, no fault begins for so long because data is missing.",
         example="1m",
         default=30.0,
     )

@@ -111,9 +111,9 @@ class Limits(Entry):
 
     robots: Count = described("Robots.", example=500, default=2000)
     new_robots: Count = described(
-        "Robots that are not in fleet.yml and may be found at once, and as many again in ten "
-        "minutes. Those of the first two minutes do not count until as many of them are gone "
-        "again; those that were known before never do.",
+        "How many robots that are not in fleet.yml may be found at once, and again in each ten "
+        "minutes. Robots of the first two minutes do not count until so many of them are gone. "
+        "Robots that were known before never count.",
         example=20,
         default=50,
     )

@@ -68,9 +68,8 @@ class Watched(Entry):
         default=False,
     )
     bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
-        "How much all this and `topics` may be for each robot, over a minute. Beyond it the "
-        "largest topics are given up for an hour, and the component `watch` in `ROS graph` names "
-        "them.",
+        "How much all this and `topics` may be for each robot, over a minute. If it is more, the "
+        "largest topics are not read for an hour. The component `watch` in `ROS graph` names them.",
         example=5000,
         default=20_000,
     )
@@ -101,7 +100,7 @@ class Graph(Entry):
         default="auto",
     )
     learn_after: PositiveDuration = described(
-        "For how long in all a node has to have been there until it is expected.",
+        "A node is expected after it has been there for so long in all.",
         example="8h",
         default=86_400.0,
     )
@@ -118,9 +117,9 @@ class Graph(Entry):
         default=(),
     )
     max_loss: Loss = described(
-        "The share of a robot's messages above which the link is faulty if they are lost, until it "
-        "is below half of that; meanwhile, except of a shadow, a component that is STALE because "
-        "it was not received begins and ends no fault.",
+        "If a larger share of a robot's messages is lost, the link is faulty, until less than half "
+        "of this share is lost. Meanwhile a STALE component begins and ends no fault, because its "
+        "messages may be among the lost ones (in a shadow it does).",
         example=0.3,
         default=0.2,
     )

@@ -31,7 +31,9 @@ class TooMany(Entry, title="Count"):
     warning: Count | None = described("So many are a WARNING.", example=2, default=None)
     critical: Count | None = described("So many are CRITICAL.", example=4, default=None)
     within: PositiveDuration = described(
-        "In so much time, in which the robot is received.", example="30m", default=600.0
+        "Within so much time; time in which the robot is not received does not count.",
+        example="30m",
+        default=600.0,
     )
 
     @override

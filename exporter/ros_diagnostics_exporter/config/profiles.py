@@ -120,13 +120,13 @@ class ComponentRule(Conditional, Entry, title="Component"):
         default=(),
     )
     when: ConditionList = described(
-        "Only where this condition holds, or all of a list, is their trouble a fault ([while it is "
-        "not known](configuration.md#condition)).",
+        "Their problems are faults only while this condition, or each of this list, is true "
+        "([if it is not known](configuration.md#condition)).",
         example={"component": "Mode", "key": "mode", "equals": "auto"},
         default=(),
     )
     unless: ConditionList = described(
-        "Where this condition holds, or one of a list, their trouble is no fault.",
+        "Their problems are no faults while this condition, or one of this list, is true.",
         example={"component": "Charger", "key": "State", "equals": "charging"},
         default=(),
     )

@@ -6,6 +6,7 @@ on one line, too.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
-from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_exporter.texts import one_line, without_node
 
 LENGTH = 640  # characters of the lines
 _TEXT_LENGTH = 300  # of one text of a robot
@@ -64,7 +65,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         fields = _of_robot(identity, found[0])
     if found is not None and found[0].last_wall:  # else it contradicts that nothing was received
         fields |= _first("logged", map(_text, found[0].network.logs))
-    return _written(fields)
+    return _written(fields, {} if found is None else _short_names(found[0].components))
 
 
 def of_exporter(message: str) -> Evidence:
@@ -79,7 +80,8 @@ def of_capability(view: CapabilityView, known: Mapping[ComponentName, Component]
         view: What is known of the capability.
         known: The robot's components.
     """
-    return _written(_first("parts", (_part(*each, known) for each in view.parts.items())))
+    fields = _first("parts", (_part(*each, known) for each in view.parts.items()))
+    return _written(fields, _short_names(known.values()))
 
 
 def _part(
@@ -204,12 +206,23 @@ def _first(name: str, items: Iterable[Any]) -> Fields:
 # -- lines -------------------------------------------------------------------------------------
 
 
-def _written(fields: Fields) -> Evidence:
-    text = ";\n".join(filter(None, _lines(fields)))
+def _short_names(components: Iterable[Component]) -> Mapping[str, str]:
+    """Of a robot's components the names without the node, where the rest is unique."""
+    names = [_text(each.label) for each in components]
+    number = Counter(map(without_node, names))
+    return {name: rest for name in names for rest in [without_node(name)] if number[rest] == 1}
+
+
+def _written(fields: Fields, short: Mapping[str, str]) -> Evidence:
+    text = ";\n".join(filter(None, _lines(fields, short)))
     return Evidence(text if len(text) <= LENGTH else text[: LENGTH - 3] + "...", fields)
 
 
-def _lines(fields: Fields) -> Iterator[str]:
+def _lines(fields: Fields, short: Mapping[str, str]) -> Iterator[str]:
+    def named(component: Fields) -> str:
+        name = component["component"]
+        return f"{short.get(name, name)} {_WORDS.get(component['level'], component['level'])}"
+
     if "value" in fields:
         yield _value_line(fields["value"])
     if "reports" in fields:
@@ -226,13 +239,15 @@ def _lines(fields: Fields) -> Iterator[str]:
         yield f"its clock is {abs(fields['clock_offset']):.0f} s {where} the exporter's"
     if "silent_reason" in fields:
         yield SILENT[fields["silent_reason"]]
-    yield from map(_part_line, fields.get("parts", ()))
+    for part in fields.get("parts", ()):
+        name = named(part) if "level" in part else part.get("component", "")
+        yield _part_line(name, part)
     yield _list_line("robots", fields, "robots", str, is_counted=True)
     yield _list_line("robots behind it", fields, "behind", str, is_counted=True)
-    yield _list_line("components", fields, "components", _component_text, is_counted=True)
+    yield _list_line("components", fields, "components", named, is_counted=True)
     yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
     yield _list_line("logged", fields, "logged", str)
-    yield _list_line("also faulty", fields, "also_faulty", _component_text)
+    yield _list_line("also faulty", fields, "also_faulty", named)
 
 
 def _value_line(value: Fields) -> str:
@@ -249,14 +264,9 @@ def _account(fields: Fields) -> str:
     return "no longer reports" + (f"; its last message: {message}" if message else "")
 
 
-def _component_text(component: Fields) -> str:
-    return f"{component['component']} {_WORDS.get(component['level'], component['level'])}"
-
-
-def _part_line(part: Fields) -> str:
+def _part_line(name: str, part: Fields) -> str:
     if "check" in part:
         return f"check {part['check']} finds too few components"
-    name = _component_text(part) if "level" in part else part.get("component", "")
     return ": ".join(filter(None, (name, part.get("key"), part.get("message"))))
 
 

@@ -1,4 +1,4 @@
-"""Topics of diagnostics that no entry of fleet.yml takes: nobody monitors their robots. Pure."""
+"""Topics of diagnostics that no entry of fleet.yml matches: nobody monitors their robots. Pure."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class UnclaimedWatch:
         for each in self._found[domain]:
             if each not in self._logged and len(self._logged) < MOST:
                 self._logged.add(each)
-                log.warning("no entry of fleet.yml takes %s", each)
+                log.warning("no entry of fleet.yml matches %s", each)
 
     @property
     def entries(self) -> list[Unclaimed]:

@@ -9,11 +9,12 @@ same in both formats, only the headers differ
 from __future__ import annotations
 
 import threading
-from collections import Counter
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.faults.model import End, Fault, Identity, Scope, as_texts, fault_id
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -107,8 +108,17 @@ def _end(fleet: str, exporter: str, end: End) -> str:
         labels = {"fleet": fleet, "exporter": exporter, "robot": end.robot}
     else:
         labels = _all_labels(fleet, exporter, end.fault)
-    of_end = {"reason": end.reason, "evidence": end.message}
+    of_end = {"reason": end.reason, "evidence": _known_of_end(end)}
     return _sample(metrics.FAULT_END, label_pairs(labels), of_end, end.at)
+
+
+def _known_of_end(end: End) -> str:
+    """The message, and for mails the fault's own end: of a sample, rules pass on the text only."""
+    if end.fault is None:
+        return ""
+    at = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(end.at))
+    lasted = written(int(end.at) - int(end.fault.since))
+    return ";\n".join(filter(None, (end.message, f"ended {at} UTC, after {lasted}")))
 
 
 def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
@@ -161,6 +171,14 @@ def label_pairs(labels: Mapping[str, str]) -> str:
     return ",".join(f'{name}="{escape(text)}"' for name, text in labels.items() if text)
 
 
+def _named(names: Collection[str]) -> str:
+    """The first few of the robots of a downtime, and how many more there are."""
+    first = ", ".join(sorted(names)[:_MOST_NAMED])
+    return first + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")
+
+
+_MOST_NAMED = 5
+_OF_DOWNTIME = ("downtime", "author", "site", "team")
 _LARGER = (Scope.SITE, Scope.COMMON, Scope.CAPABILITY)  # faults that have members
 _NO_FLEET_CAPABILITIES = {
     metrics.FLEET_CAPABILITY_STATE.name: b"",
@@ -259,7 +277,7 @@ class Exposition:
             metrics.FAULT_MEMBER.name: self._members(faults),
             metrics.SITE_RECEIVED.name: self._received(),
             **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
-            metrics.DOWNTIME_ROBOTS.name: self._downtimes(),
+            metrics.DOWNTIME_END.name: self._downtimes(),
         }
 
     def _members(self, faults: Iterable[Fault]) -> bytes:
@@ -307,21 +325,25 @@ class Exposition:
         ).encode()
 
     def _downtimes(self) -> bytes:
-        """How many robots of each site and team are in each planned downtime."""
-        fleet, name = self._state.fleet, metrics.DOWNTIME_ROBOTS.name
+        """When each planned downtime ends, and which robots of each site and team it is of."""
+        fleet = self._state.fleet
         own = {"fleet": fleet.name, "exporter": fleet.exporter}
-        robots = [text.robot for text in self._texts.values() if text.robot.maintenance]
-        numbers = Counter(
-            label_pairs(
-                own
-                | {"downtime": one_line(downtime), "author": one_line(author)}
-                | {each: robot.settings.labels.get(each, "") for each in ("site", "team")}
-            )
-            for robot in robots
-            for downtime, author in robot.planned
-        )
+        robots: dict[tuple[str, ...], set[str]] = {}
+        ends: dict[tuple[str, ...], float] = {}
+        for robot in [text.robot for text in self._texts.values() if text.robot.maintenance]:
+            place = tuple(robot.settings.labels.get(each, "") for each in ("site", "team"))
+            for downtime, author, end in robot.planned:
+                key = (one_line(downtime), one_line(author), *place)
+                robots.setdefault(key, set()).add(one_line(robot.settings.name))
+                ends[key] = max(end, ends.get(key, end))
         return "".join(
-            f"{name}{{{labels}}} {number}\n" for labels, number in sorted(numbers.items())
+            _sample(
+                metrics.DOWNTIME_END,
+                label_pairs(own | dict(zip(_OF_DOWNTIME, key, strict=True))),
+                {"robots": _named(robots[key])},
+                end,
+            )
+            for key, end in sorted(ends.items())
         ).encode()
 
     def _over_limit(self) -> bytes:

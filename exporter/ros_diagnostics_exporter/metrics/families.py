@@ -311,11 +311,12 @@ FLEET_CAPABILITY_ROBOTS = _family(
     (*EXPORTER, "capability", "state"),
     part=Part.FAULTS,
 )
-DOWNTIME_ROBOTS = _family(
-    "downtime_robots",
+DOWNTIME_END = _family(
+    "downtime_end_timestamp_seconds",
     "gauge",
-    "Robots that are in a planned downtime: its name in fleet.yml, or a person's comment and name.",
-    (*EXPORTER, "downtime", "author", "site", "team"),
+    "When a planned downtime that is active ends (Unix time), +Inf if it has no end: its name in "
+    "fleet.yml, or a person's comment and name, and the first of its robots.",
+    (*EXPORTER, "downtime", "author", "site", "team", "robots"),
     part=Part.FAULTS,
 )
 FLEET_FAMILIES = (
@@ -404,9 +405,9 @@ FAULT_NOTIFIED = _family(
 FAULT_END = _family(
     "fault_end_timestamp_seconds",
     "gauge",
-    "When a fault ended (Unix time), whether it recovered or a person removed it, and the "
-    "message that ended it. Present for an hour, or until it begins again. With a robot "
-    "alone: a person forgot this robot.",
+    "When a fault ended (Unix time), whether it recovered or a person removed it, and as "
+    "evidence the message that ended it, when, and how long it lasted. Present for an hour, or "
+    "until it begins again. With a robot alone: a person forgot this robot.",
     (*FAULT, "reason", "evidence"),
     open=True,
     part=Part.FAULTS,
@@ -419,7 +420,7 @@ FAULT_FAMILIES = (
     SITE_RECEIVED,
     FLEET_CAPABILITY_STATE,
     FLEET_CAPABILITY_ROBOTS,
-    DOWNTIME_ROBOTS,
+    DOWNTIME_END,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,
 )

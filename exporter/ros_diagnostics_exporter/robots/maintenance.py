@@ -15,10 +15,14 @@ _MOST_WINDOWS = 100  # that are looked at, one after the other
 
 
 class PlannedBy(NamedTuple):
-    """A planned downtime: its name in fleet.yml, or the comment and author of those of a person."""
+    """A planned downtime: its name in fleet.yml, or the comment and author of those of a person.
+
+    ``end`` is when it ends, Unix seconds; infinite for one without an end.
+    """
 
     name: str
-    author: str = ""
+    author: str
+    end: float
 
 
 def lasting(
@@ -36,8 +40,12 @@ def lasting(
     of_people = (each for each in downtimes if each.holds(wall) and not each.component)
     return frozenset(
         [
-            *(PlannedBy(each.name) for each in of_fleet if selects(each, labels)),
-            *(PlannedBy(each.comment, each.author) for each in of_people),
+            *(
+                PlannedBy(each.name, "", _end(each, wall))
+                for each in of_fleet
+                if selects(each, labels)
+            ),
+            *(PlannedBy(each.comment, each.author, each.end) for each in of_people),
         ]
     )
 

@@ -156,7 +156,7 @@ class Reception(ABC):
 
     def decode(self, data: bytes) -> Array:
         """A message in another encoding than CDR; ValueError where there is none such."""
-        raise ValueError(f"no message in CDR: it begins with {data[:4].hex() or 'nothing'}")
+        raise ValueError(f"not a ROS message (CDR): it begins with {data[:4].hex() or 'nothing'}")
 
     def check(self) -> None:
         """Look whether it is still joined, at each turn; sets ``error``."""

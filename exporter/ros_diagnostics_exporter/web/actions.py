@@ -124,9 +124,9 @@ class Actions:
         except _RejectedError as error:
             return self._reject(request, error.status, str(error))
         except LookupError as error:
-            return self._reject(request, 409, f"Not done: {error.args[0]}.")
+            return self._reject(request, 409, f"Your change was not saved: {error.args[0]}.")
         except ConnectionError as error:
-            return self._reject(request, 502, f"Not done: {error}.")
+            return self._reject(request, 502, f"Your change was not saved: {error}.")
         return RedirectResponse(page, status_code=303)
 
     def _reject(self, request: Request, status: int, why: str) -> Response:
@@ -147,7 +147,7 @@ class Actions:
         if not hmac.compare_digest(token.encode("utf-8", "replace"), self._token_of(user).encode()):
             raise _RejectedError(
                 403,
-                "The page is of before the exporter started: load it again, then send the form.",
+                "The exporter was restarted after the page was loaded: load it again, then send.",
             )
         if fields.keys() != names:
             raise _RejectedError(400, f"The form has to have {', '.join(sorted(names))}.")

@@ -194,6 +194,7 @@ def fault_page(
             fleet=fleet["fleet"],
             robot=robot,
             fault=found,
+            path=component_path(its[0]),
             marks=_marks(of, now) if robot else [],
             ended=ended[:MAX_ENDED],
             ended_number=len(ended),

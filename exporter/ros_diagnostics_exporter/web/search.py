@@ -33,7 +33,10 @@ def find(fleet: dict[str, Any], query: str) -> dict[str, Any]:
 
     def has(owner: dict[str, Any], *names: object) -> bool:
         shown, _ = shown_problems(owner, fleet["time"], len(owner["problems"]))
-        words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
+        words = [
+            *names,
+            *(f"{component_path(each.problem)} {each.subject} {each.message}" for each in shown),
+        ]
         return any(text in str(each).casefold() for each in words)
 
     return {

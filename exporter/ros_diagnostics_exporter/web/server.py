@@ -164,8 +164,8 @@ class Server:
         live_config = LiveWebConfig(web_config)
         if actions and not live_config.config.basic_auth_users:
             raise WebConfigError(
-                "--web.enable-actions needs basic_auth_users in the file of --web.config.file: "
-                "who acts has to log in"
+                "--web.enable-actions needs basic_auth_users in the file of --web.config.file, "
+                "because people have to log in before they act"
             )
         self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()

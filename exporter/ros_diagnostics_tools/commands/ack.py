@@ -63,11 +63,11 @@ class WantedProblem(NamedTuple):
 @click.argument("robot", required=False)
 @click.argument("component", required=False, metavar="[COMPONENT|CHECK]")
 @click.option(
-    "--site", help="That many robots of this site are silent; '' where robots have no site."
+    "--site", help="The fault that many robots of this site are silent; '' if robots have no site."
 )
-@click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
-@click.option("--capability", metavar="NAME", help="That the fleet can no longer do it well.")
-@click.option("--part", help="That this part of the exporter has a fault, such as database.")
+@click.option("--common", metavar="COMPONENT", help="The fault of this component on many robots.")
+@click.option("--capability", metavar="NAME", help="The fault of this capability of the fleet.")
+@click.option("--part", help="The fault of this part of the exporter, such as database.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
 @click.option("--comment", help="What is being done about it.")

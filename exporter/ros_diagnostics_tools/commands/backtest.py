@@ -137,7 +137,7 @@ Into the history of Prometheus:
     "--namespace",
     callback=_namespace,
     metavar="NAME",
-    help="Put the recorded topics below this namespace, for what was recorded on the robot.",
+    help="Put the recorded topics below this namespace, for recordings made on the robot.",
 )
 @click.option("--quiet", is_flag=True, help="Show no progress bar.")
 @click.option(
@@ -147,11 +147,15 @@ Into the history of Prometheus:
     "too.",
 )
 @click.option(
-    "--timeout", type=Duration(), default="30s", show_default=True, help="For each of its answers."
+    "--timeout",
+    type=Duration(),
+    default="30s",
+    show_default=True,
+    help="How long to wait for an answer.",
 )
-@click.option("--user", metavar="NAME", help="For basic auth there.")
+@click.option("--user", metavar="NAME", help="User of that Prometheus.")
 @click.option("--password-file", type=PATH, help="The user's password, in one line.")
-@click.option("--bearer-token-file", type=PATH, help="In place of user and password.")
+@click.option("--bearer-token-file", type=PATH, help="A token, in place of user and password.")
 @click.option("--ca-file", type=PATH, help="CA of its certificate.")
 @with_output("csv")
 def command(**given: Any) -> None:

@@ -49,7 +49,7 @@ def command(servers: Servers, output: str, file: Path, *, live: bool) -> None:
     if unmatched is not None:
         print(f"unmatched ({len(unmatched)}):", *unmatched, sep="\n  ")  # noqa: T201
     if unclaimed:
-        print(f"taken by no entry ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
+        print(f"topics that no entry matches ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
     if notes:
         print(f"notes ({len(notes)}):", *notes, sep="\n  ")  # noqa: T201
     if queries:

@@ -97,8 +97,8 @@ Examples:
     metavar="TIME",
     help="When it begins: 2h (from now), 14:30, 2027-01-31T14:30.  [default: now]",
 )
-@click.option("--list", "lists", is_flag=True, help="List those that hold or lie ahead.")
-@click.option("--cancel", is_flag=True, help="End it now, or never begin it; takes no DURATION.")
+@click.option("--list", "lists", is_flag=True, help="List the present and the planned downtimes.")
+@click.option("--cancel", is_flag=True, help="End or cancel a downtime; takes no DURATION.")
 @click.option("--fleet", help="The robots' fleet.  [default: the exporter's]")
 @with_author
 @with_output()
@@ -195,8 +195,8 @@ def _plan(
         print(f"ros-diagnostics: {printable(note)}", file=sys.stderr)  # noqa: T201
     elif planned.holds(time.time() + 1) and not _is_followed(exporter, done):
         raise NotDoneError(
-            f"planned, but the exporter at {exporter.url} does not follow it: it has to run with "
-            f"--alertmanager.url, of the Alertmanager at {servers.alertmanager.url}"
+            f"planned, but the exporter at {exporter.url} does not read it: start it with "
+            f"--alertmanager.url={servers.alertmanager.url}"
         )
     return done
 

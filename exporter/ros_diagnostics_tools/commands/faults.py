@@ -17,7 +17,9 @@ PATH = "/api/v1/faults"
 
 
 @click.command(epilog="Example: ros-diagnostics faults --robot 'arm_*' --output json")
-@click.option("--robot", default="*", metavar="PATTERN", help="Only of these; * and ? wildcards.")
+@click.option(
+    "--robot", default="*", metavar="PATTERN", help="Only of these robots; * and ? are wildcards."
+)
 @with_output()
 @with_servers
 def command(servers: Servers, output: str, robot: str) -> None:

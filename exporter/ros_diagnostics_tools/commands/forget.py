@@ -39,7 +39,7 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
         print_json(found)
     else:
         name = one_line(" ".join(query.values()))
-        print(f"forgotten: {name}, {found['forgotten']} components")  # noqa: T201
+        print(f"{name} is forgotten, with {found['forgotten']} components")  # noqa: T201
         if not known:
             print(_of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:

@@ -95,13 +95,17 @@ def command(servers: Servers, **given: Any) -> None:
 
     user, password_file = given["smarthost_user"], given["smarthost_password_file"]
     if (user is None) != (password_file is None):
-        raise click.UsageError("--smarthost-user and --smarthost-password-file need each other")
+        raise click.UsageError(
+            "give both --smarthost-user and --smarthost-password-file, or neither"
+        )
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     host, port = given["smarthost"]
     ca_file = given["smarthost_ca_file"]
     smarthost = Smarthost(host, port, given["starttls"], user, password_file, ca_file)
     if user is not None and not smarthost.hides_password:
-        raise click.UsageError(f"a login at {host} needs --starttls: else the password is readable")
+        raise click.UsageError(
+            f"a login at {host} needs --starttls, or anyone on the way reads the password"
+        )
     most = given["attach_below"]
     relay = Relay(smarthost, from_exporter(servers.exporter, most), most)
     host, port = given["listen"]

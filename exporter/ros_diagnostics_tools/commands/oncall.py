@@ -112,7 +112,7 @@ def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
     show_default=True,
     help="What to write; in the same folder as --config.",
 )
-@click.option("--rules", type=PATH, help="Also write a rule for Prometheus: it ends soon.")
+@click.option("--rules", type=PATH, help="Also write a rule that fires before the rota ends.")
 @_with_config
 @with_output()
 @_with_rota
@@ -147,7 +147,7 @@ def _build(
 @command.command(
     "check", epilog="Example: ros-diagnostics oncall check --built alertmanager-oncall.yml"
 )
-@click.option("--built", type=PATH, help="Also check this output of build.")
+@click.option("--built", type=PATH, help="Also check this file, which build wrote.")
 @_with_config
 @with_output()
 @_with_rota

@@ -54,8 +54,10 @@ Examples:
     help="The availability that is aimed at, in percent.",
 )
 @click.option("--prometheus", metavar="URL", default=PROMETHEUS_URL, show_default=True)
-@click.option("--file", type=click.Path(path_type=Path), help="Write it there.  [default: stdout]")
-@click.option("--mail-to", multiple=True, metavar="ADDRESS", help="Mail it; repeatable.")
+@click.option(
+    "--file", type=click.Path(path_type=Path), help="Write to this file.  [default: stdout]"
+)
+@click.option("--mail-to", multiple=True, metavar="ADDRESS", help="Mail it to ADDRESS; repeatable.")
 @click.option("--mail-from", metavar="ADDRESS", help="The sender, with --mail-to.")
 @click.option(
     "--smtp", type=Address(), default="127.0.0.1:25", show_default=True, help="Mail server."

@@ -6,7 +6,7 @@ import fnmatch
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -23,13 +23,13 @@ from ros_diagnostics_exporter.severity import (
     clock,
     component_path,
     downtime_texts,
+    short_names,
     shown_problems,
     span,
     state_of,
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
-from ros_diagnostics_tools.names import rest_of
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
@@ -61,7 +61,9 @@ class States(click.ParamType[frozenset[str]]):
 
 @click.command(epilog="Example: ros-diagnostics status --state critical,silent --watch")
 @click.option("--state", type=States(), metavar="STATE[,STATE]", help="Only robots in these.")
-@click.option("--robot", default="*", metavar="PATTERN", help="Only these; * and ? are wildcards.")
+@click.option(
+    "--robot", default="*", metavar="PATTERN", help="Only these robots; * and ? are wildcards."
+)
 @click.option(
     "--component",
     metavar="TEXT",
@@ -135,56 +137,40 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
         fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
     table = _components(robots, fleet["time"]) if components else _robots(fleet, robots)
-    unclaimed = [f"no entry of fleet.yml takes {each}" for each in unclaimed_texts(fleet)]
-    summary = _summary(fleet, Counter(state_of(robot) for robot in robots))
+    unclaimed = [f"no entry of fleet.yml matches {each}" for each in unclaimed_texts(fleet)]
+    summary = _summary(fleet, robots)
     return Group(table, summary, _plain(*unclaimed)) if unclaimed else Group(table, summary)
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
     rows, now = list[tuple[Text, ...]](), fleet["time"]
     for each in shown_problems(fleet, now, PROBLEMS_SHOWN, local=True)[0]:
-        rows.append(_problem("", each.subject, each, now))
+        rows.append(_problem("", each, now))
     for robot in robots:
-        short = short_names(robot)
         problems, number = shown_problems(robot, now, PROBLEMS_SHOWN, local=True)
-        for each in problems:
-            path = component_path(each.problem)
-            about = each.subject.replace(path, short.get(path, path))
-            rows.append(_problem(robot["robot"], about, each, now))
+        rows += [_problem(robot["robot"], each, now) for each in problems]
         if number > len(problems):
             more = f"and {number - len(problems)} more"
             rows.append((Text(), *map(_plain, (robot["robot"], more, "", "", ""))))
         if not problems:
             texts = (robot["robot"], "", "", "", _received(robot, now))
             rows.append((_coloured(state_of(robot)), *map(_plain, texts)))
-    return _without_empty_columns(COLUMNS, rows)
+    return _table(COLUMNS, rows)
 
 
-def _problem(robot: str, about: str, shown: ShownProblem, now: float) -> tuple[Text, ...]:
-    texts = (robot, about, shown.standing, _since(shown, now), shown.message)
+def _problem(robot: str, shown: ShownProblem, now: float) -> tuple[Text, ...]:
+    texts = (robot, shown.subject, shown.standing, _since(shown, now), shown.message)
     return (_coloured(shown.state), *map(_plain, texts))
 
 
-def short_names(robot: dict[str, Any]) -> dict[str, str]:
-    """The path of each component -> its name: without its node and group where the rest is unique.
-
-    "motors: Motor 2" is "Motor 2", unless the robot has "arm: Motor 2" as well.
-    """
-    of_problems = (each for each in robot["problems"] if each["component"])
-    found = [*robot["components"], *of_problems]
-    names = {component_path(each): each["component"] for each in found}
-    rests = Counter(map(rest_of, names.values()))
-    whole = Counter(names.values())
-    return {
-        path: rest if rests[rest] == 1 else name if whole[name] == 1 else path
-        for path, name in names.items()
-        for rest in [rest_of(name)]
-    }
-
-
-def _without_empty_columns(titles: Sequence[str], rows: Iterable[tuple[Text, ...]]) -> Table:
-    rows = list(rows)
-    kept = [number for number in range(len(titles)) if not rows or any(row[number] for row in rows)]
+def _table(titles: Sequence[str], rows: list[tuple[Text, ...]]) -> Table:
+    """Without the columns that say nothing: empty ones, and that of the robot if there is one."""
+    said = [{row[number].plain for row in rows} for number in range(len(titles))]
+    kept = [
+        number
+        for number, title in enumerate(titles)
+        if not rows or (said[number] != {""} and (title != "Robot" or len(said[number]) > 1))
+    ]
     table = make_table(*(titles[number] for number in kept))
     for row in rows:
         table.add_row(*(row[number] for number in kept))
@@ -204,7 +190,7 @@ def _received(robot: dict[str, Any], now: float) -> str:
 
 def _components(robots: list[dict[str, Any]], now: float) -> Table:
     titles = ("State", "Robot", "Component", "Confirmed", "Since", "Message", "Values")
-    rows = []
+    rows = list[tuple[Text, ...]]()
     for robot in robots:
         short = short_names(robot)
         worst: dict[tuple[str, str], ShownProblem] = {}
@@ -224,7 +210,7 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
                     _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
                 )
             )
-    return _without_empty_columns(titles, rows)
+    return _table(titles, rows)
 
 
 def _plain(*lines: str) -> Text:
@@ -237,7 +223,10 @@ def _coloured(state: str) -> Text:
     return Text(f" {state} ", style=f"bold {text} on {colour}")
 
 
-def _summary(fleet: dict[str, Any], count: Counter[str]) -> Text:
-    counts = ", ".join(f"{count[state]} {state}" for state in SEVERITIES if count[state])
+def _summary(fleet: dict[str, Any], robots: Sequence[dict[str, Any]]) -> Text:
+    count = Counter(map(state_of, robots))
+    found = ", ".join(f"{count[state]} {state}" for state in SEVERITIES if count[state])
+    if len(robots) == 1:
+        found = f"{robots[0]['robot']} is {found.removeprefix('1 ')}"
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
-    return _plain("", f"fleet {fleet['fleet']} at {moment}: {counts or 'no robot matches'}")
+    return _plain("", f"fleet {fleet['fleet']} at {moment}: {found or 'no robot matches'}")

@@ -28,9 +28,9 @@ PART = "TEST, nothing is wrong"
     type=click.Choice(("critical", "warning")),
     default="critical",
     show_default=True,
-    help="Routes look at it.",
+    help="The severity, by which routes may choose a receiver.",
 )
-@click.option("--receiver", metavar="NAME", help="Fail if the routes do not lead to it.")
+@click.option("--receiver", metavar="NAME", help="Fail if the routes do not lead to this receiver.")
 @click.option(
     "--for",
     "lasts",

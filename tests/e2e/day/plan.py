@@ -183,9 +183,9 @@ DAY = (
         act="maintain",
         lasts=40,
         messages=(
-            Expected("** MAINTENANCE ** demo downtime inspection began", 105),
+            Expected("** MAINTENANCE ** demo downtime inspection of robot_1 began", 105),
             # fleet.yml has whole seconds.
-            Expected("** MAINTENANCE ** demo downtime inspection ended", 144),
+            Expected("** MAINTENANCE ** demo downtime inspection of robot_1 ended", 144),
         ),
     ),
     Event(

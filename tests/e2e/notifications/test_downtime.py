@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -71,3 +72,11 @@ def test_a_component_in_a_downtime_is_suppressed_and_everybody_can_see_why(
     assert run(stack, "--cancel", "robot_1", "Motor 1") == 0
     its = "** PROBLEM ** demo/robot_1 Motor 1 is CRITICAL"
     until(lambda: subjects() == [other, its], lambda: str(subjects()), 60)
+
+    assert run(stack, "robot_1", "1h", "--comment", "new wheels") == 0
+    began = "** MAINTENANCE ** demo downtime new wheels of robot_1 began"
+    until(lambda: subjects() == [other, its, began], lambda: str(subjects()), 60)
+    [robot] = http.get_json(stack.addresses.exporter, "/api/v1/fleet")["robots"]
+    [planned] = robot["downtimes"]
+    at = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(planned["until"]))
+    assert f", until {at}." in stack.inbox.mails()[-1].text

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from ros_diagnostics_tools.main import main
-from testbed.http import get_json
+from testbed import http
 
 
 @pytest.mark.slow
@@ -16,12 +18,12 @@ def test_a_reload_that_fails_is_one_mail_can_be_acknowledged_and_has_one_recover
     config = stack.exporter.config
     valid = config.read_text()
     config.write_text(f"{valid}\nno_such_key: true\n")
-    fleet = get_json(stack.addresses.exporter, "/api/v1/fleet")["fleet"]
+    fleet = http.get_json(stack.addresses.exporter, "/api/v1/fleet")["fleet"]
     problem = f"** PROBLEM ** {fleet} exporter is WARNING: fleet.yml"
     assert wait_for_mails(1, within=180) == [problem]
     (mail,) = stack.inbox.mails()
     assert "it could not be reloaded" in mail.text
-    assert "RosDiagnosticsExporterFault.md" in mail.text
+    assert "RosDiagnosticsExporterFault.html" in mail.text
 
     who = ("--author", "ann", "--comment", "a typo")
     url = ("--alertmanager", f"http://{stack.addresses.alertmanager}")
@@ -31,3 +33,6 @@ def test_a_reload_that_fails_is_one_mail_can_be_acknowledged_and_has_one_recover
     config.write_text(valid)
     recovery = f"** RECOVERY ** {fleet} exporter is no longer WARNING: fleet.yml"
     assert wait_for_mails(2, within=120) == [problem, recovery]
+    (ended,) = http.get_json(stack.addresses.exporter, "/api/v1/events?kind=fault_ended")["events"]
+    at = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(ended["time"]))
+    assert f" to {at}: " in stack.inbox.mails()[-1].text  # the fault's own end

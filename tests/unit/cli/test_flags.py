@@ -62,7 +62,7 @@ def test_retention_is_a_duration_and_a_size():
             "--alertmanager.password-file",
         ),
         ("alertmanager.user", ["ann"], "--alertmanager.password-file"),
-        ("storage.path", [""], "'' is no file; none keeps nothing"),
+        ("storage.path", [""], "'' is not the name of a file; with none nothing is stored"),
         ("storage.retention.time", ["90"], "'90' is not a duration such as 90d"),
         ("storage.retention.size", ["1TB"], "'1TB' is not a size such as 256MB"),
         ("storage.retention.size", ["256MB2"], "'256MB2' is not a size such as 256MB"),

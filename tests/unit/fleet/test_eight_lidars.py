@@ -52,8 +52,7 @@ def test_two_lidars_that_go_blind_are_one_notification(tmp_path):
     assert car.drive(60, front_lower=ERROR) == ["began critical lost front view"]
     (fault,) = car.state.faults()
     assert fault.evidence == (
-        "blockage: lidar front_upper CRITICAL: blocked 100 %;\n"
-        "blockage: lidar front_lower CRITICAL: blocked 100 %"
+        "lidar front_upper CRITICAL: blocked 100 %;\nlidar front_lower CRITICAL: blocked 100 %"
     )
     assert fault.capabilities == "has lost front view and autonomous driving, still has view around"
 

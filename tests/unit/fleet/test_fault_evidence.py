@@ -85,6 +85,19 @@ def test_of_a_component_level_message_values_neighbours_and_what_judged_it():
     ]
 
 
+def test_its_lines_name_neighbours_without_their_node_where_the_rest_is_unique():
+    near = [Status(ERROR, name, "") for name in ("lidar:  Laser", "left: Motor", "right: Motor")]
+    driver = after(12, HOT, *near, before=(MOTOR,))
+
+    [began] = [
+        each for each in driver.events if each.kind == "fault_began" and each.component == "Motor"
+    ]
+    also = ("Laser CRITICAL", "left: Motor CRITICAL", "right: Motor CRITICAL")
+    assert began.message.endswith(f"also faulty: {', '.join(also)}")
+    named = [each["component"] for each in began.details["also_faulty"]]
+    assert named == ["lidar:  Laser", "left: Motor", "right: Motor"]
+
+
 def test_of_a_component_that_is_silent_that_its_message_is_old():
     found = details(after(130, LASER, before=(MOTOR._replace(message="fine"), LASER)))
     fields = found["stale", "Motor"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from math import inf
 
 import pytest
 
@@ -67,7 +68,7 @@ def test_a_robot_is_in_maintenance_from_the_moment_it_is_known():
     assert driver.sample("robot_maintenance", robot="new") == 1
 
 
-def test_a_downtime_of_many_robots_is_one_sample_for_each_site():
+def test_a_downtime_of_many_robots_is_one_sample_for_each_site_with_its_end_and_robots():
     of_sites = Maintenance("floor", {"site": (re.compile("hall|yard"),)}, "new", start=WALL + 10)
     sites = ("hall", "hall", "yard", "lab")
     robots = tuple(Robot(f"r{n}", labels={"site": each}) for n, each in enumerate(sites))
@@ -75,18 +76,33 @@ def test_a_downtime_of_many_robots_is_one_sample_for_each_site():
     planned = [("", WALL + 20), ("Motor", WALL + 20), ("", WALL + 5)]
     downtimes = [Downtime("r0", part, WALL, end, "ann", "\u202ex") for part, end in planned]
     driver.state.plan(downtimes, driver.now)
-    ann = {(("author", "ann"), ("downtime", "\\u202ex"), ("fleet", "f"), ("site", "hall")): 1.0}
-    floor = {
-        (("downtime", "floor"), ("fleet", "f"), ("site", "hall")): 2.0,
-        (("downtime", "floor"), ("fleet", "f"), ("site", "yard")): 1.0,
-    }
+    ann = {("\\u202ex", "hall", "r0", "ann"): WALL + 20}
+    floor = {("floor", "hall", "r0, r1", ""): inf, ("floor", "yard", "r2", ""): inf}
 
     found = []
     for seconds in (2, 12, 22):
         driver.at(seconds)
-        samples = driver.samples().get("downtime_robots", {})
-        found.append({tuple(sorted(labels)): number for labels, number in samples.items()})
+        samples = driver.samples().get("downtime_end_timestamp_seconds", {})
+        found.append({_of_downtime(**dict(labels)): end for labels, end in samples.items()})
     assert found == [ann, ann | floor, floor]
+
+
+def _of_downtime(
+    downtime: str, site: str, robots: str, author: str = "", fleet: str = "f"
+) -> tuple[str, ...]:
+    assert fleet == "f"
+    return downtime, site, robots, author
+
+
+def test_a_downtime_of_many_robots_names_the_first_five_of_them():
+    robots = tuple(Robot(f"r{number}") for number in range(8))
+    every = Maintenance("m", {"robot": (re.compile(".*"),)}, "always", end=WALL + 60)
+    weekly = Maintenance("m", {"robot": (re.compile("r7"),)}, "later", end=WALL + 90)
+    driver = StateDriver(fleet=Fleet("f", robots, maintenance=(every, weekly)))
+
+    [(labels, end)] = driver.samples()["downtime_end_timestamp_seconds"].items()
+    assert dict(labels)["robots"] == "r0, r1, r2, r3, r4 and 3 more"
+    assert end == WALL + 90  # the later of two of one name
 
 
 def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():

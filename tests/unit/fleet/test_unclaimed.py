@@ -48,7 +48,7 @@ def test_a_robot_in_the_root_namespace_is_named_at_once_with_the_entry_to_paste(
     ]
     publishing(shipped, "/diagnostics", "/diagnostics_agg", "/amr9/diagnostics", "/robot_1/x")
     add = "in domain 0; to monitor it, add to robots: -"
-    assert [each.getMessage().partition("takes ")[2] for each in caplog.records] == [
+    assert [each.getMessage().partition("matches ")[2] for each in caplog.records] == [
         f"/diagnostics and /diagnostics_agg {add} {{name: robot, domain_id: 0}}",
         f"/robot_1/x {add} {{name: robot_1, domain_id: 0, topic: /robot_1/x}}",
     ]
@@ -65,18 +65,18 @@ def test_page_status_api_and_a_check_against_the_running_exporter_name_it(
     assert [each["topics"] for each in fleet["unclaimed"]] == [["/diagnostics"]]
     page = landing(fleet, "/metrics")
     assert line in page
-    assert "Topics that no entry of fleet.yml takes: 1" in page
+    assert "Topics that no entry of fleet.yml matches: 1" in page
     shown = status.choose(fleet, None, "*", None)
     assert any(line in str(each) for each in status.view(shown).renderables)
 
     server = serve(fleet_snapshot=lambda: fleet)
     check = ["--config.check", f"--live=http://{server.addresses[0]}"]
     assert main([*check, f"--config.file={SHIPPED}"]) == 0
-    assert f"taken by no entry (1):\n  {line}" in capsys.readouterr().out
+    assert f"topics that no entry matches (1):\n  {line}" in capsys.readouterr().out
     declared = tmp_path / "fleet.yml"
     declared.write_text("fleet: f\nrobots: [{name: robot, domain_id: 0}]\n")
     assert main([*check, f"--config.file={declared}"]) == 0
-    assert "taken by no entry" not in capsys.readouterr().out
+    assert "topics that no entry matches" not in capsys.readouterr().out
 
 
 CONFIG = """

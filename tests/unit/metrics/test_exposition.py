@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from types import SimpleNamespace
 from typing import get_args
 
@@ -50,7 +51,7 @@ from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Part, St
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.prometheus import Outcome
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, tree
 
 HOSTILE = [
     'quote " backslash \\ newline \n end',
@@ -299,7 +300,29 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
         for state, number in counted.items()
     }
     labels = {"site": "hall", "team": "red", "author": "ann", "downtime": "new tires"}
-    assert samples["downtime_robots"] == {tuple(sorted({**own, **labels}.items())): 1}
+    named = {**own, **labels, "robots": "r4"}
+    ends = samples["downtime_end_timestamp_seconds"]
+    assert ends == {tuple(sorted(named.items())): WALL + 100}
+
+
+def test_the_end_of_a_fault_says_as_text_when_it_ended_and_how_long_it_lasted():
+    """Rules pass on the text, and mails have it: the value of the alert is when it began."""
+    driver = StateDriver(confirm_after=2.0)
+    driver.raw_every(1, SETTLED, Status(OK, "Motor"))
+    driver.raw_every(1, SETTLED + 75, Status(ERROR, "Motor", "hot"))
+    driver.raw(Status(OK, "Motor", "runs"))
+    driver.at(SETTLED + 76)
+    [(labels, end)] = driver.samples()["fault_end_timestamp_seconds"].items()
+    at = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(end))
+    lasted = "1m15s"
+
+    assert end == WALL + SETTLED + 75
+    assert dict(labels)["evidence"] == f"OK: runs;\nended {at}, after {lasted}"
+    assert dict(labels)["reason"] == "recovered"
+
+    driver.state.forget("r", None, driver.now)
+    ends = driver.samples()["fault_end_timestamp_seconds"]
+    assert [dict(each).get("evidence") for each in ends if "fault" not in dict(each)] == [None]
 
 
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():

@@ -45,7 +45,7 @@ def test_the_rules_come_back_with_their_runbooks(capsys, tmp_path: Path):
 def test_runbooks_are_by_default_where_the_mails_link_to(capsys):
     found = objects(capsys)
     (url,) = re.findall(
-        r'"site.runbooks_url" }}(.*?){{', (ALERTMANAGER / "templates" / "site.tmpl").read_text()
+        r'"site.exporter_url" }}(.*?){{', (ALERTMANAGER / "templates" / "site.tmpl").read_text()
     )
 
     alerts = [
@@ -55,7 +55,7 @@ def test_runbooks_are_by_default_where_the_mails_link_to(capsys):
         for rule in group["rules"]
         if "alert" in rule
     ]
-    assert alerts == [(name, f"{url}/{name}.html") for name, _ in alerts]
+    assert alerts == [(name, f"{url}/runbooks/{name}.html") for name, _ in alerts]
 
 
 def test_rules_about_the_servers_are_left_out(capsys):

@@ -147,7 +147,7 @@ def test_an_exporter_that_does_not_follow_is_an_error(servers, capsys, monkeypat
     monkeypatch.setattr(downtime, "FOLLOWED", 0.0)
     servers.follows = False
     assert plan("robot_1", "1h") == 1
-    assert "it has to run with --alertmanager.url" in capsys.readouterr().err
+    assert "does not read it: start it with --alertmanager.url=" in capsys.readouterr().err
 
 
 def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):

@@ -185,7 +185,8 @@ def test_a_second_process_that_cannot_be_started_keeps_no_domain_from_being_join
     playing.outdated = [7]
     playing.until(REST + 2, "b")
     assert 7 in playing.left
-    assert caplog.messages.count("domain 7: no second participant was started: no memory") == 1
+    failed = "domain 7: the process that listens to silent robots was not started: no memory"
+    assert caplog.messages.count(failed) == 1
 
 
 @pytest.mark.parametrize(

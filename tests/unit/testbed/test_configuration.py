@@ -20,8 +20,8 @@ def configs(tmp_path):
 def test_links_in_notifications_lead_to_this_runs_servers(configs):
     site = (configs.alertmanager.parent / "templates" / "site.tmpl").read_text()
 
-    runbooks = f"http://{ADDRESSES.exporter}/runbooks"
-    assert f'{{{{ define "site.runbooks_url" }}}}{runbooks}{{{{ end }}}}' in site
+    exporter = f"http://{ADDRESSES.exporter}"
+    assert f'{{{{ define "site.exporter_url" }}}}{exporter}{{{{ end }}}}' in site
     assert f"Dashboard:  http://{ADDRESSES.grafana}" in site
     assert f'<a href="http://{ADDRESSES.grafana}' in site
 

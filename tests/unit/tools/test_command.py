@@ -171,7 +171,7 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
     assert main(["forget", "robot_1", "--url", url, "--output", "json"]) == 0
     assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
     assert capsys.readouterr().out == (
-        "forgotten: robot_1 Motor 1, 2 components\n"
+        "robot_1 Motor 1 is forgotten, with 2 components\n"
         "Only this exporter has forgotten it, as it reaches no Alertmanager: repeat it at each"
         " other exporter of the fleet, with --url.\n"
         '{\n  "forgotten": 2,\n  "passed_on": true\n}\n'
@@ -335,7 +335,7 @@ def test_a_file_that_cannot_be_read_is_a_wrong_argument(asked, tmp_path, capsys,
         (NAMED, "--url west: neither a URL such as http://127.0.0.1:9877 nor one of the exporters"),
         ("exporters: {west: {uri: x}}", "exporters: west: uri: no such key; there are url"),
         ("exporters: {west: {user: x}}", "exporters: west: needs url"),
-        ("exporters: {}", "exporters: names none"),
+        ("exporters: {}", "exporters: names no exporter"),
         ("[", "is no list of exporters; write exporters:"),
         (None, "No such file"),
     ],

@@ -330,7 +330,7 @@ LOGIN = ["--smarthost-user", "ann", "--smarthost-password-file", "password"]
         ([*LOGIN, "--smarthost", "mail.example.org:25"], "needs --starttls"),
         (["--attach-below", "1 TB"], "not a size such as 100kB"),
         (["--listen", "2525"], "not an address such as localhost:25"),
-        (["--smarthost-user", "ann"], "need each other"),
+        (["--smarthost-user", "ann"], "or neither"),
     ],
 )
 def test_wrong_arguments_are_named(arguments, said, capsys):

@@ -99,9 +99,9 @@ def test_the_limits_are_those_of_the_page_about_security():
     to_arrive, *to_be_read = (f"{TIMEOUTS[each]:.0f} s" for each in Phase if each is not Phase.IDLE)
     assert len(set(to_be_read)) == 1
     for said in (
-        f"a request has {to_arrive} to arrive, an answer {to_be_read[0]} to be read",
-        f"where there are {MAX_CONNECTIONS} connections",
-        f"have {responses.MAX_BYTES / (1 << 20):g} MiB",
+        f"A request has {to_arrive} to arrive, and an answer {to_be_read[0]} to be read.",
+        f"if there are {MAX_CONNECTIONS} connections",
+        f"Answers may take {responses.MAX_BYTES / (1 << 20):g} MiB of memory.",
     ):
         assert said in page
 
