@@ -19,6 +19,7 @@ from virtual_robots.schema.kinds import (
     Variable,
     Walk,
 )
+from virtual_robots.schema.topics import Tree, filled
 
 STARTING_UP = "Node starting up"
 FLAP_PERIOD = 2.0
@@ -103,13 +104,12 @@ class Component:
         )
         return Status(level, self.name, message, self.hardware_id, values)
 
-    def fields(self) -> tuple[tuple[str, str], ...]:
-        """The texts of the fields that it publishes; none while it is silent."""
+    def fields(self) -> Tree | None:
+        """The fields that it publishes, filled in; None while it is silent."""
         topic = self.model.publishes
         if topic is None or (self.fault and self.fault.what == "silent"):
-            return ()
-        values = self._template_values()
-        return tuple((name, text.format_map(values)) for name, text in topic.fields.items())
+            return None
+        return filled(topic.fields, self._template_values())
 
     def starting_up(self) -> Status:
         """Return what diagnostic_updater sends for a task before its first run."""
