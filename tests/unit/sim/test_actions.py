@@ -32,7 +32,7 @@ def ended(fleet: Fleet, until: float) -> list[str]:
 @pytest.fixture
 def fleet() -> Fleet:
     fleet = fleet_of("turtlebot4")
-    assert steps(fleet, 3.0) == ["start"]
+    assert steps(fleet, 2.0) == ["start"]
     return fleet
 
 
@@ -61,9 +61,9 @@ def test_a_goal_that_hangs_ends_when_the_fault_does(fleet):
 
 
 def test_a_server_that_is_killed_leaves_after_its_lease_and_starts_anew(fleet):
-    assert steps(fleet, 8.0) == ["begin"]
-    fleet.inject("robot_1", NAVIGATE, Fault("killed", 8.0))
-    assert steps(fleet, 26.0) == []
+    assert steps(fleet, 5.0) == ["begin"]
+    fleet.inject("robot_1", NAVIGATE, Fault("killed", 5.0))
+    assert steps(fleet, 23.0) == []
     assert steps(fleet, 60.0) == ["gone"]
     fleet.inject("robot_1", NAVIGATE, None)
     assert steps(fleet, 68.0)[:2] == ["start", "begin"]
