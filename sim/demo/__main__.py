@@ -20,7 +20,7 @@ from rich.console import Console
 from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
-from demo.steps import LASER, MOTOR, Fault
+from demo.steps import LASER, MOTOR, Fault, announcement
 from testbed import grafana
 from testbed.programs import MissingProgram
 from testbed.site import Site
@@ -124,6 +124,8 @@ def _demo(
     ):
         for line in _addresses(stack):
             console.print(line, highlight=False, soft_wrap=True)
+        if faults:
+            console.print(announcement(faults), highlight=False, soft_wrap=True)
         screen.open("Ctrl-C stops the demo")
         return DemoRun(stack, screen, faults).run(seconds)
 

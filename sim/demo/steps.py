@@ -117,6 +117,13 @@ def mail_errors(mails: Sequence[Mail], faults: Sequence[Fault]) -> list[str]:
     return errors
 
 
+def announcement(faults: Sequence[Fault]) -> str:
+    """Return what will happen, and which emails that brings."""
+    names = " and ".join(f"{fault.component} of {fault.robot}" for fault in faults)
+    ones = [f"{name} of {fault.robot}" for fault in faults for name in fault.mailed]
+    return f"{names} will fail and be repaired: a PROBLEM and a RECOVERY for {', '.join(ones)}"
+
+
 def finished(faults: Sequence[Fault]) -> str:
     """Return what is said when all emails have arrived."""
     problem, recovery = len(problems(faults)), len(recoveries(faults))

@@ -102,9 +102,10 @@ def types_of(fleet: Fleet) -> MessageTypes:
         for action in load_kind(path).actions:
             action_type(action.types)
         for component in build_components(load_kind(path), ""):
-            topic, fields = component.model.publishes, component.fields()
-            if topic is not None and fields is not None:
-                with located(f"{path}: {component.name}"):
+            if (topic := component.model.publishes) is None:
+                continue
+            with located(f"{path}: {component.name}"):
+                for fields in (component.fields(), *component.extreme_fields()):
                     types.encode(topic.type, fields)
     return types
 

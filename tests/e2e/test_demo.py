@@ -47,12 +47,13 @@ def child(demo: Process, program: str) -> int:
 
 
 def test_problems_and_recoveries_are_mailed_and_the_demo_exits_0(start_demo, tmp_path):
-    demo = start_demo("--seconds", "100")
+    demo = start_demo("--seconds", "120")
 
-    until(lambda: not demo.alive, "the end of the demo", 160, every=0.5)
+    until(lambda: not demo.alive, "the end of the demo", 180, every=0.5)
 
     assert demo.exit_code == 0, demo.output()
     for line in (
+        "a PROBLEM and a RECOVERY for Motor 2 of robot_3, turtlebot4_diagnostics",
         "virtual robots: robot_3 Motor 2 fails",
         "exporter: robot_3 Motor 2 is ERROR",
         "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 is active",

@@ -88,6 +88,8 @@ _NUMPY = {"byte": "uint8", "octet": "uint8", "char": "uint8"}
 def _plain(kind: str, tree: Tree | None) -> str | float | int | bool:
     """The value of a plain field, of its text or number in a kind file."""
     if kind in ("string", "wstring"):
+        if isinstance(tree, dict | tuple):
+            raise DocumentError(f"{tree!r} is no text, as a {kind} is")
         return "" if tree is None else str(tree)
     try:
         number = float(tree or 0)
@@ -95,7 +97,14 @@ def _plain(kind: str, tree: Tree | None) -> str | float | int | bool:
         raise DocumentError(f"{tree!r} is no number, as a {kind} is") from None
     if kind == "bool":
         return bool(number)
-    return number if kind.startswith("float") else round(number)
+    return number if kind.startswith("float") else _whole(kind, number)
+
+
+def _whole(kind: str, number: float) -> int:
+    limits = np.iinfo(_NUMPY.get(kind, kind))
+    if not limits.min <= number <= limits.max:
+        raise DocumentError(f"{number:g} is beyond a {kind}: {limits.min} to {limits.max}")
+    return round(number)
 
 
 def _definitions(folder: Path) -> dict[str, Any]:

@@ -5,7 +5,7 @@ It does not know its robot, nor ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import NamedTuple
@@ -111,6 +111,15 @@ class Component:
             return None
         return filled(topic.fields, self._template_values())
 
+    def extreme_fields(self) -> Iterator[Tree]:
+        """The fields that it publishes with each variable where it can be, one after the other."""
+        for name, model in self.model.variables.items():
+            start = self.variables[name]
+            driven = (each.to for each in self.model.faults.values() if each.drive == name)
+            for self.variables[name] in (start, *_ends(model), *driven):
+                yield self.fields()
+            self.variables[name] = start
+
     def starting_up(self) -> Status:
         """Return what diagnostic_updater sends for a task before its first run."""
         return Status(OK, self.name, STARTING_UP)
@@ -205,3 +214,12 @@ class Component:
             self.variables[charging] = 0.0
         rate = model.charge if self.variables[charging] else -model.drain
         return min(100.0, max(0.0, value + rate * elapsed / 3600))
+
+
+def _ends(model: Variable) -> tuple[float, ...]:
+    """Between which values a variable is; none of what grows."""
+    if isinstance(model, Walk):
+        return model.low, model.high
+    if isinstance(model, Battery):
+        return 0.0, 100.0
+    return (model.at_0, model.at_100) if isinstance(model, Linear) else ()

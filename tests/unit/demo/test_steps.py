@@ -11,6 +11,7 @@ from demo.steps import (
     Fault,
     Pace,
     Step,
+    announcement,
     finished,
     mail_errors,
     next_step,
@@ -80,6 +81,14 @@ def test_with_two_faults_all_their_mails_are_waited_for():
     assert next_step(Step.BROKEN, 99.0, mails(first, *others), BOTH, PACE) is Step.NOTIFIED
     assert finished([FAULT]) == "demo finished: 1 problem, 1 recovery"
     assert finished(BOTH) == "demo finished: 3 problems, 3 recoveries"
+
+
+def test_what_will_happen_is_announced_with_its_mails():
+    scan = "turtlebot4_diagnostics: /scan topic status of turtlebot_1"
+    assert announcement((MOTOR, LASER)) == (
+        f"Motor 2 of robot_3 and {scan} will fail and be repaired: a PROBLEM and a RECOVERY for"
+        f" Motor 2 of robot_3, {scan}, navigate_to_pose of turtlebot_1"
+    )
 
 
 def test_what_breaks_is_there():

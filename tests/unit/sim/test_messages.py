@@ -87,18 +87,37 @@ def test_all_topics_of_the_kinds_that_come_along_can_be_encoded(kind, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("publishes", "what"),
+    ("kind", "fields", "what"),
     [
-        ("topic: t, type: std_msgs/msg/Bool, fields: {pressed: 1}", "C: std_msgs/msg/Bool has the"),
-        ("topic: t, type: std_msgs/msg/Boole", "C: nothing is known of the type"),
+        (
+            "std_msgs/msg/Bool",
+            "{pressed: 1}",
+            "C: std_msgs/msg/Bool has the fields data, not",
+        ),
+        ("std_msgs/msg/Boole", "{}", "C: nothing is known of the type"),
+        ("std_msgs/msg/UInt8", "{data: '{v}'}", "C: 300 is beyond a uint8: 0 to 255"),
+        ("std_msgs/msg/Int8", "{data: '{w}'}", "C: -500 is beyond a int8: -128 to 127"),
+        ("std_msgs/msg/String", "{data: [1]}", "(1,) is no text, as a string is"),
+        ("sensor_msgs/msg/JointState", "{name: [{if: w, below: 0, then: {}}]}", "{} is no text"),
     ],
 )
-def test_what_a_kind_cannot_publish_is_an_error_before_it_starts(tmp_path, publishes, what):
+def test_what_a_kind_cannot_publish_is_an_error_before_it_starts(tmp_path, kind, fields, what):
     path = tmp_path / "kind.yaml"
-    path.write_text(f"components: [{{name: C, publishes: {{{publishes}}}}}]\n")
-    with pytest.raises(DocumentError, match=what) as caught:
+    path.write_text(
+        f"""
+components:
+- name: C
+  variables:
+    v: {{walk: 0, start: 5, low: 0, high: 9}}
+    w: {{walk: 0, start: 5, low: -500, high: 9}}
+  publishes: {{topic: t, type: {kind}, fields: {fields}}}
+  faults: {{leaves: {{drive: v, to: 300}}}}
+"""
+    )
+    with pytest.raises(DocumentError) as caught:
         types_of(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    assert str(caught.value).startswith(f"{path}: C: ")
+    assert what in str(caught.value)
 
 
 def test_an_action_of_which_no_type_is_installed_is_an_error_before_it_starts(tmp_path):
