@@ -11,7 +11,7 @@ from pathlib import Path
 
 from virtual_robots.ros.actions import action_type
 from virtual_robots.ros.contexts import chosen_domain_id, ros_context
-from virtual_robots.ros.control import Control, set_parameters
+from virtual_robots.ros.control import Control, set_parameter
 from virtual_robots.ros.messages import MessageTypes
 from virtual_robots.ros.transport import Participants, Transport, too_many_for_localhost
 from virtual_robots.schema.documents import DocumentError, located
@@ -68,7 +68,7 @@ def fault(options: argparse.Namespace) -> None:
     """Set the parameter of a component or of a robot."""
     value = f"{options.level}: {options.message}" if options.message else options.level
     target = f"{options.robot}.{options.component}" if options.component else options.robot
-    set_parameters(chosen_domain_id(options.domain_id), {target: value})
+    set_parameter(chosen_domain_id(options.domain_id), target, value)
 
 
 def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-import subprocess
-import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
+from support.orders import Orders
 from testbed import http
 from testbed.configuration import KINDS
 from testbed.polling import until
@@ -45,11 +42,6 @@ FAULTS = {
     ),
     ("plant_1", "Error code", "set"): ("Error code is CRITICAL", "data is -205"),
 }
-SET = """
-import json, sys
-from virtual_robots.ros.control import set_parameters
-set_parameters(int(sys.argv[1]), json.loads(sys.argv[2]))
-"""
 
 
 @pytest.fixture
@@ -65,11 +57,6 @@ def stack(site: Site) -> Site:
     site.start_alertmanager(edit=lambda it: it["route"].update(group_interval="1s"))
     site.wait_until_ready(lambda: "" if len(site.exporter.receives()) == 3 else "all robots")
     return site
-
-
-def set_faults(site: Site, faults: Mapping[str, str]) -> None:
-    argv = [sys.executable, "-c", SET, str(site.domain_id), json.dumps(faults)]
-    subprocess.run(argv, env=site.environment(), check=True, timeout=60)
 
 
 def wait_for_mails(site: Site, expected: set[str]) -> None:
@@ -99,14 +86,15 @@ def test_each_recipe_is_a_fault_a_mail_and_a_recovery(stack: Site):
         expected[robot].add(component)
     until(lambda: components(stack) == expected, lambda: f"{components(stack)}", 60)
 
-    set_faults(stack, {f"{robot}.{name}": fault for robot, name, fault in FAULTS})
+    orders = stack.use(Orders(stack.domain_id))
+    orders.give([(f"{robot}/{name}", fault) for robot, name, fault in FAULTS])
     mailed = {key: f"** PROBLEM ** hall/{key[0]} {what}" for key, (what, _says) in FAULTS.items()}
     wait_for_mails(stack, set(mailed.values()))
     texts = {each.subject: each.text for each in stack.inbox.mails()}
     for key, (_what, says) in FAULTS.items():
         assert says in texts[mailed[key]]
 
-    set_faults(stack, {f"{robot}.{name}": "ok" for robot, name, _fault in FAULTS})
+    orders.give([(f"{robot}/{name}", "ok") for robot, name, _fault in FAULTS])
     over = {
         each.replace("PROBLEM", "RECOVERY").replace(" is ", " is no longer ")
         for each in mailed.values()

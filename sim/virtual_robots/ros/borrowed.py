@@ -59,28 +59,34 @@ def borrowed_type(name: str) -> Any:
 
     Raises RosError if the middleware is none of which this is known.
     """
-    if (middleware := get_rmw_implementation_identifier()) != _MIDDLEWARE:
-        package = name.partition("/")[0]
-        raise RosError(f"{name} is not installed, and {middleware} needs it: install {package}")
     package, _, kind = name.split("/")
-    known, general = _support_of_string("fastrtps_c"), _support_of_string("c")
+    if (middleware := get_rmw_implementation_identifier()) != _MIDDLEWARE:
+        raise RosError(f"{name} is not installed, and {middleware} needs it: install {package}")
+    known = _support_of_string("fastrtps_c")
     functions = known.callbacks.contents.functions
     callbacks = _Callbacks(f"{package}::msg".encode(), kind.encode(), functions)
     support = _Support(_SUPPORT, ctypes.pointer(callbacks), description=known.description)
-    support.hash = ctypes.cast(_get_no_hash, ctypes.c_void_p).value
-
-    def find_support(_support: int, wanted: bytes) -> int:
-        if wanted == _SUPPORT:
-            return ctypes.addressof(support)
-        return int(_Find(general.find)(ctypes.addressof(general), wanted) or 0)
-
-    find = _Find(find_support)
+    find = _finder(support)
     support.find = ctypes.cast(find, ctypes.c_void_p).value
-    kept = {"_TYPE_SUPPORT": _capsule(support), "_kept": (support, callbacks, find)}
+    support.hash = ctypes.cast(_get_no_hash, ctypes.c_void_p).value
     type(String).__import_type_support__()
     # What rclpy asks whether it is there, and calls for messages that are no bytes.
     borrowed = {each: getattr(type(String), each) for each in _CONVERTERS}
+    kept = {"_TYPE_SUPPORT": _capsule(support), "_kept": (support, callbacks, find)}
     return type(f"Type{kind}", (type,), {**borrowed, **kept})(kind, (), {})
+
+
+def _finder(support: _Support) -> Any:
+    """What gives the middleware the support, and all else that it asks for of String."""
+    general = _support_of_string("c")
+    find_general = _Find(general.find)
+
+    def find(_support: int, wanted: bytes) -> int:
+        if wanted == _SUPPORT:
+            return ctypes.addressof(support)
+        return int(find_general(ctypes.addressof(general), wanted) or 0)
+
+    return _Find(find)
 
 
 def _support_of_string(language: str) -> _Support:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -62,10 +62,10 @@ class Control:
         return SetParametersResult(successful=True)
 
 
-def set_parameters(domain_id: int, values: Mapping[str, str], timeout: float = 10.0) -> None:
-    """Set text parameters of the control node, by their names, as `ros2 param set` does.
+def set_parameter(domain_id: int, name: str, value: str, timeout: float = 10.0) -> None:
+    """Set a text parameter of the control node, as `ros2 param set` does.
 
-    Raises RosError if no fleet answers within ``timeout`` seconds or a value is rejected.
+    Raises RosError if no fleet answers within ``timeout`` seconds or the value is rejected.
     """
     with ros_context(domain_id) as context:
         node = quiet_node("virtual_robots_fault", context)
@@ -73,16 +73,13 @@ def set_parameters(domain_id: int, values: Mapping[str, str], timeout: float = 1
         if not client.wait_for_service(timeout_sec=timeout):
             raise RosError(f"no virtual robots answer in domain {domain_id}; are they running?")
         request = SetParameters.Request()
-        request.parameters = [
-            Parameter(name, Parameter.Type.STRING, value).to_parameter_msg()
-            for name, value in values.items()
-        ]
-        for result in _answers(client, node, request, timeout):
-            if not result.successful:
-                raise RosError(result.reason)
+        request.parameters = [Parameter(name, Parameter.Type.STRING, value).to_parameter_msg()]
+        result = _answer(client, node, request, timeout)
+        if not result.successful:
+            raise RosError(result.reason)
 
 
-def _answers(client: Any, node: Node, request: Any, timeout: float) -> Any:
+def _answer(client: Any, node: Node, request: Any, timeout: float) -> Any:
     future = client.call_async(request)
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
@@ -90,4 +87,4 @@ def _answers(client: Any, node: Node, request: Any, timeout: float) -> Any:
     executor.shutdown()
     if not future.done():
         raise RosError(f"the virtual robots did not answer within {timeout:.0f} s")
-    return future.result().results
+    return future.result().results[0]
