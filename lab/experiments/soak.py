@@ -207,7 +207,7 @@ def soak(options: argparse.Namespace, out: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
         folder = Path(name)
         scenario = soak_scenario.write(folder, options.robots, seconds, options.seed)
-        plan = Plan(seed=options.seed, scenario=scenario, environment=domains.BETWEEN_MACHINES)
+        plan = Plan(1, options.seed, scenario, environment=domains.BETWEEN_MACHINES)
         with running(folder, plan) as stack:
             (out / "soak.json").write_text(json.dumps(about, indent=2) + "\n")
             steady = soak_scenario.fleet_of(options.robots).steady_robots()

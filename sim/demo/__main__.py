@@ -20,11 +20,14 @@ from rich.console import Console
 from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
+from demo.steps import LASER, MOTOR, Fault, announcement
 from testbed import grafana
 from testbed.programs import MissingProgram
 from testbed.site import Site
 from testbed.stack import Plan, running
 
+ROBOTS = Path(__file__).parent / "robots.yaml"
+WHOLE = Plan(14, scenario=ROBOTS)
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -37,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup's is kept
             signal.signal(number, _interrupt)
     try:
-        errors = _demo(seconds, Plan(scenario=options.scenario, zenoh=options.zenoh), console)
+        errors = _demo(seconds, *_plan(options), console)
     except KeyboardInterrupt:
         console.print("stopped")
         return 0 if seconds is None else 130
@@ -52,20 +55,21 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "./run demo",
         description="Virtual robots, exporter,"
-        " Prometheus, Alertmanager and mail on this machine; a motor fails and is repaired.",
+        " Prometheus, Alertmanager and mail on this machine; a motor and a laser fail and are"
+        " repaired.",
     )
     parser.add_argument(
         "--seconds",
         type=_positive,
         help="stop this many seconds after all servers are ready; exit 0 only if exactly the"
-        " expected emails arrived (about 70 seconds; default: run until Ctrl-C)",
+        " expected emails arrived (about 90 seconds; default: run until Ctrl-C)",
     )
     parser.add_argument(
         "--scenario",
         type=_file,
         metavar="FILE",
-        help="run this scenario of virtual robots (docs/virtual-robots.md) instead of the motor's"
-        " fault; emails are then not checked. The robots keep running after its duration",
+        help="run this scenario of virtual robots (docs/virtual-robots.md) instead of these"
+        " faults; emails are then not checked. The robots keep running after its duration",
     )
     parser.add_argument(
         "--zenoh",
@@ -97,10 +101,20 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _demo(seconds: float | None, plan: Plan, console: Console) -> list[str]:
+def _plan(options: argparse.Namespace) -> tuple[Plan, tuple[Fault, ...]]:
+    """What to start, and what breaks then; nothing breaks in a scenario of the user's."""
+    if options.scenario is not None:
+        return Plan(1, scenario=options.scenario, zenoh=options.zenoh), ()
+    if options.zenoh:  # its bridge brings neither other topics nor goals
+        return Plan(zenoh=True), (MOTOR,)
+    return WHOLE, (MOTOR, LASER)
+
+
+def _demo(
+    seconds: float | None, plan: Plan, faults: Sequence[Fault], console: Console
+) -> list[str]:
     """Start everything, run the demo, stop everything; return the errors."""
-    scripted = plan.scenario is not None
-    robots = f"the robots of {plan.scenario}" if scripted else f"{plan.robots} virtual robots"
+    robots = f"{plan.robots} virtual robots" if faults else f"the robots of {plan.scenario}"
     links = "a zenoh bridge and router, " if plan.zenoh else ""
     console.print(f"starting {robots}, {links}the exporter, Prometheus and Alertmanager ...")
     with (
@@ -110,8 +124,10 @@ def _demo(seconds: float | None, plan: Plan, console: Console) -> list[str]:
     ):
         for line in _addresses(stack):
             console.print(line, highlight=False, soft_wrap=True)
+        if faults:
+            console.print(announcement(faults), highlight=False, soft_wrap=True)
         screen.open("Ctrl-C stops the demo")
-        return DemoRun(stack, screen, inject=not scripted).run(seconds)
+        return DemoRun(stack, screen, faults).run(seconds)
 
 
 def _addresses(stack: Site) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -12,21 +12,42 @@ from testbed.mail import Mail
 
 @dataclass(frozen=True)
 class Fault:
-    """The component that breaks, and its driver's message."""
+    """What breaks, and which components of the robot are then mailed, each with its state."""
 
-    robot: str = "robot_3"
-    component: str = "Motor 2"
-    message: str = "no encoder pulses, drive switched off"
+    robot: str
+    component: str
+    what: str  # as virtual robots name it
+    mailed: Mapping[str, str]
+    message: str = ""
+
+
+MOTOR = Fault(
+    robot="robot_3",
+    component="Motor 2",
+    what="error",
+    message="no encoder pulses, drive switched off",
+    mailed={"Motor 2": "CRITICAL"},
+)
+# The laser is STALE, and while it is two goals of the robot are aborted.
+LASER = Fault(
+    robot="turtlebot_1",
+    component="turtlebot4_diagnostics: /scan topic status",
+    what="silent",
+    mailed={
+        "turtlebot4_diagnostics: /scan topic status": "STALE",
+        "navigate_to_pose": "WARNING",
+    },
+)
 
 
 class Step(Enum):
     """The steps in their order; the value says what happens meanwhile."""
 
     HEALTHY = "all robots were OK"
-    BROKEN = "waiting for the email about the broken motor"
-    NOTIFIED = "leaving time to read the email"
-    REPAIRED = "waiting for the recovery email"
-    FINISHED = "showing the fleet after the recovery"
+    BROKEN = "waiting for the emails about what is broken"
+    NOTIFIED = "leaving time to read the emails"
+    REPAIRED = "waiting for the recovery emails"
+    FINISHED = "showing the fleet after the recoveries"
 
 
 @dataclass(frozen=True)
@@ -41,39 +62,52 @@ PROBLEM = "** PROBLEM **"
 RECOVERY = "** RECOVERY **"
 
 
-def expected_subjects(fault: Fault) -> tuple[str, str]:
-    """Return the subjects of the emails that must arrive, in their order."""
-    name = f"{FLEET}/{fault.robot} {fault.component}"
-    return (f"{PROBLEM} {name} is CRITICAL", f"{RECOVERY} {name} is no longer CRITICAL")
+def problems(faults: Sequence[Fault]) -> set[str]:
+    """Return the subjects of the emails that must arrive when these are broken."""
+    return {
+        f"{PROBLEM} {FLEET}/{fault.robot} {name} is {state}"
+        for fault in faults
+        for name, state in fault.mailed.items()
+    }
 
 
-def next_step(step: Step, since: float, mails: Sequence[Mail], fault: Fault, pace: Pace) -> Step:
+def recoveries(faults: Sequence[Fault]) -> set[str]:
+    """Return the subjects of the emails that must arrive when they are repaired."""
+    return {
+        f"{RECOVERY} {FLEET}/{fault.robot} {name} is no longer {state}"
+        for fault in faults
+        for name, state in fault.mailed.items()
+    }
+
+
+def next_step(
+    step: Step, since: float, mails: Sequence[Mail], faults: Sequence[Fault], pace: Pace
+) -> Step:
     """Return the step that follows now, or ``step`` itself.
 
     Args:
         step: The current step.
         since: Seconds since it began.
         mails: All that have arrived.
-        fault: The injected fault.
+        faults: Those that are injected.
         pace: How long to let the reader look.
     """
     subjects = {mail.subject for mail in mails}
-    problem, recovery = (subject in subjects for subject in expected_subjects(fault))
     if step is Step.HEALTHY and since >= pace.healthy:
         return Step.BROKEN
-    if step is Step.BROKEN and problem:
+    if step is Step.BROKEN and subjects >= problems(faults):
         return Step.NOTIFIED
     if step is Step.NOTIFIED and since >= pace.notified:
         return Step.REPAIRED
-    if step is Step.REPAIRED and recovery:
+    if step is Step.REPAIRED and subjects >= recoveries(faults):
         return Step.FINISHED
     return step
 
 
-def mail_errors(mails: Sequence[Mail], fault: Fault) -> list[str]:
+def mail_errors(mails: Sequence[Mail], faults: Sequence[Fault]) -> list[str]:
     """Return what is wrong with the mails that arrived; empty: exactly the expected ones."""
     subjects = [mail.subject for mail in mails]
-    missing = list(expected_subjects(fault))
+    missing = [*sorted(problems(faults)), *sorted(recoveries(faults))]
     errors = [f"this email never arrived: {each}" for each in missing if each not in subjects]
     for each in subjects:
         if each in missing:
@@ -83,9 +117,24 @@ def mail_errors(mails: Sequence[Mail], fault: Fault) -> list[str]:
     return errors
 
 
+def announcement(faults: Sequence[Fault]) -> str:
+    """Return what will happen, and which emails that brings."""
+    names = " and ".join(f"{fault.component} of {fault.robot}" for fault in faults)
+    ones = [f"{name} of {fault.robot}" for fault in faults for name in fault.mailed]
+    return f"{names} will fail and be repaired: a PROBLEM and a RECOVERY for {', '.join(ones)}"
+
+
+def finished(faults: Sequence[Fault]) -> str:
+    """Return what is said when all emails have arrived."""
+    problem, recovery = len(problems(faults)), len(recoveries(faults))
+    if problem == 1:
+        return "demo finished: 1 problem, 1 recovery"
+    return f"demo finished: {problem} problems, {recovery} recoveries"
+
+
 def out_of_time(step: Step) -> str:
     """Return an error that names the current step, and the way out."""
     return (
-        f"the time ran out while {step.value}; the demo takes about 70 seconds on an idle machine:"
+        f"the time ran out while {step.value}; the demo takes about 90 seconds on an idle machine:"
         " use --seconds 150, or see above what it was waiting for"
     )

@@ -18,7 +18,8 @@ import yaml
 from testbed import short_clocks
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-FLEET = "demo"
+KINDS = CHECKOUT / "sim" / "virtual_robots" / "simulation" / "kinds"
+FLEET = "demo"  # in fleet.yml
 BRIDGED = "/hall"  # the namespace of the zenoh bridge
 NOTIFICATIONS = "/api/v1/notifications"  # of the exporter
 
@@ -66,10 +67,8 @@ def write(
     Raises:
         LookupError: The shipped configuration lacks what is edited here.
     """
-    path = folder / "fleet.yml"
-    path.write_text(fleet(domain_id, clocks, zenoh))
     return Configs(
-        path,
+        fleet(folder, domain_id, clocks, zenoh),
         prometheus(folder, [addresses.exporter], addresses),
         alertmanager(folder, addresses, recorder=addresses.exporter, links=True),
     )
@@ -140,37 +139,29 @@ def alertmanager(
     return copy / "alertmanager.yml"
 
 
-def fleet(domain_id: int, clocks: Clocks, zenoh: str) -> str:
-    """Return a fleet.yml that finds every robot of one ROS domain, or router, by its topic."""
-    where, routers = f"domain_ids: [{domain_id}]", ""
-    if zenoh:
-        where, routers = f"zenoh: {BRIDGED.strip('/')}", f"zenoh: {{routers: [{zenoh}]}}\n"
-    return f"""\
-fleet: {FLEET}
-{routers}\
-profiles:
-  default: {{stale_after: {clocks.stale_after}s, confirm_after: {clocks.confirm_after}s}}
-  thesis:
-    checks:
-      motors: {{match: [Motor], expect: 3}}
-      batteries: {{match: [Battery], expect: 2}}
-    values:
-      - component: Battery
-        key: Level
-        metric: ros_battery_charge_ratio
-        unit: ratio
-        scale: 0.01
-discovery:
-  - topic: "/{{robot}}/diagnostics_agg"
-    {where}
-    include: ["robot_*"]
-    profile: thesis
-    labels: {{site: hall}}
-  - topic: "/{{robot}}/diagnostics_agg"        # other names in a scenario
-    {where}
-    exclude: ["robot_*"]
-    labels: {{site: hall}}
-"""
+def fleet(folder: Path, domain_id: int, clocks: Clocks, zenoh: str) -> Path:
+    """Write a fleet.yml that finds every robot of one ROS domain, or router, by its topic.
+
+    Robots without diagnostics are not found through a router, whose bridge brings nothing else.
+    """
+
+    def change(content: dict[str, Any]) -> None:
+        profile = content["profiles"]["default"]
+        profile["stale_after"] = f"{clocks.stale_after}s"
+        profile["confirm_after"] = f"{clocks.confirm_after}s"
+        where: dict[str, Any] = {"domain_ids": [domain_id]}
+        if zenoh:
+            content["zenoh"] = {"routers": [zenoh]}
+            where = {"zenoh": BRIDGED.strip("/")}
+            content["discovery"] = [each for each in content["discovery"] if "source" not in each]
+        for each in content["discovery"]:
+            each.update(where)
+
+    shutil.copytree(KINDS / "msg", folder / "msg", dirs_exist_ok=True)
+    path = folder / "fleet.yml"
+    shutil.copyfile(Path(__file__).with_name("fleet.yml"), path)
+    short_clocks.edit(path, change)
+    return path
 
 
 def _set_addresses(content: dict[str, Any], smtp: str, recorder: str) -> None:

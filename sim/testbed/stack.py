@@ -19,7 +19,10 @@ from testbed.site import Site, free_address
 
 @dataclass(frozen=True)
 class Plan:
-    """What to start: a number of robots, or a scenario, of which one robot must become OK."""
+    """What to start: so many robots of one kind, or those of a scenario.
+
+    ``robots`` is how many must become OK.
+    """
 
     robots: int = 10
     seed: int = 1
@@ -46,18 +49,17 @@ def running(folder: Path, plan: Plan, inbox: Inbox | None = None) -> Iterator[Si
         if grafana.command() is None:  # no mail links to it
             site.addresses = replace(site.addresses, grafana="")
         endpoint = f"tcp/{free_address()}" if plan.zenoh else ""
-        fleet = configuration.fleet(site.domain_id, plan.clocks, endpoint)
+        fleet = configuration.fleet(folder, site.domain_id, plan.clocks, endpoint)
         exporter = site.addresses.exporter
         site.start_mail_server()
         site.start_robots(plan.robots, seed=plan.seed, scenario=plan.scenario)
         if plan.zenoh:
             _start_links(site, endpoint)
-        site.start_exporter(site.write("fleet.yml", fleet))
+        site.start_exporter(fleet)
         site.start_prometheus()
         site.start_alertmanager(recorder=exporter, links=True)
         site.grafana = _start_grafana(site)
-        robots = plan.robots if plan.scenario is None else 1
-        site.wait_until_ready(lambda: _not_ok(site, robots))
+        site.wait_until_ready(lambda: _not_ok(site, plan.robots))
         yield site
 
 

@@ -28,14 +28,15 @@ COMMANDS = """commands:
   virtual-robots COMMAND --help    options of a command
 """
 EXTRAS = {
-    "ros": ("ros-jazzy-common-interfaces>=5.3,<6", "ros-jazzy-rclpy[fastrtps]>=7.1.5,<7.2"),
-    "bags": ("rosbags>=0.10,<0.12",),
+    "ros": (
+        "ros-jazzy-common-interfaces>=5.3,<6",
+        "ros-jazzy-rclpy[fastrtps]>=7.1.5,<7.2",
+        "ros-jazzy-test-msgs>=2.0,<3",
+    )
 }
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
 Install it beside this package: {command}
 or source a ROS 2 installation first: source /opt/ros/jazzy/setup.bash"""
-NO_ROSBAGS = """virtual-robots: recordings need the library rosbags ({error}).
-Install it beside this package: {command}"""
 ROS_PACKAGES = ("rclpy", "diagnostic_msgs.msg", "rcl_interfaces.srv")
 
 
@@ -45,10 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = words.pop(0) if words and words[0] in PARSERS else "run"
     options = PARSERS[command]().parse_args(words)
     recordings = command in {"replay", "record"}
-    missing = _missing(ROS_PACKAGES, NO_ROS, "ros")
-    if not missing and recordings:
-        missing = _missing(("rosbags",), NO_ROSBAGS, "bags")
-    if missing:
+    if missing := _missing_ros():
         return _fail(missing, 1)
     # Imported here, so that without ROS the errors above appear and --help works.
     module = "recording_commands" if recordings else "commands"
@@ -63,14 +61,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _missing(packages: Sequence[str], message: str, extra: str) -> str:
-    """Return an error about the first package that cannot be imported; empty if all can."""
+def _missing_ros() -> str:
+    """Return an error about the first package of ROS that cannot be imported; empty if all can."""
     try:
-        for package in packages:
+        for package in ROS_PACKAGES:
             importlib.import_module(package)
     except ImportError as error:
-        command = shlex.join([sys.executable, "-m", "pip", "install", *EXTRAS[extra]])
-        return message.format(error=error, command=command)
+        command = shlex.join([sys.executable, "-m", "pip", "install", *EXTRAS["ros"]])
+        return NO_ROS.format(error=error, command=command)
     return ""
 
 

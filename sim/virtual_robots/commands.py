@@ -9,12 +9,14 @@ import argparse
 import os
 from pathlib import Path
 
+from virtual_robots.ros.actions import action_type
 from virtual_robots.ros.contexts import chosen_domain_id, ros_context
 from virtual_robots.ros.control import Control, set_parameter
+from virtual_robots.ros.messages import MessageTypes
 from virtual_robots.ros.transport import Participants, Transport, too_many_for_localhost
-from virtual_robots.schema.documents import DocumentError
+from virtual_robots.schema.documents import DocumentError, located
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.kinds import kind_path
+from virtual_robots.simulation.kinds import build_components, kind_path, load_kind
 from virtual_robots.simulation.outputs import Note, Output
 from virtual_robots.simulation.player import Player
 from virtual_robots.simulation.robots import RobotSpec
@@ -31,7 +33,13 @@ def run(options: argparse.Namespace) -> None:
     without = [name for name, each in fleet.robots.items() if not each.driver.has_diagnostics]
     aggregated = options.aggregator != "none"
     transport = Transport(
-        list(fleet.robots), domain_id, participants, aggregated=aggregated, without=without
+        list(fleet.robots),
+        domain_id,
+        participants,
+        types_of(fleet),
+        print_error,
+        aggregated=aggregated,
+        without=without,
     )
     if sentence := too_many_for_localhost(len(fleet.robots), participants, os.environ):
         print_error(sentence)
@@ -80,6 +88,26 @@ def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:
     for text in fleet.warnings:
         print_error(text)
     return fleet, duration
+
+
+def types_of(fleet: Fleet) -> MessageTypes:
+    """The types of the robots' own topics.
+
+    Raises DocumentError if a kind's fields are not those of a type, RosError if no type of an
+    action is installed.
+    """
+    kinds = {robot.spec.kind for robot in fleet.robots.values()}
+    types = MessageTypes(kind.parent / "msg" for kind in kinds)
+    for path in kinds:
+        for action in load_kind(path).actions:
+            action_type(action.types)
+        for component in build_components(load_kind(path), ""):
+            if (topic := component.model.publishes) is None:
+                continue
+            with located(f"{path}: {component.name}"):
+                for fields in (component.fields(), *component.extreme_fields()):
+                    types.encode(topic.type, fields)
+    return types
 
 
 def _specs(options: argparse.Namespace) -> list[RobotSpec]:

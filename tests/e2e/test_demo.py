@@ -46,20 +46,24 @@ def child(demo: Process, program: str) -> int:
     )
 
 
-def test_problem_and_recovery_are_mailed_and_the_demo_exits_0(start_demo, tmp_path):
-    demo = start_demo("--seconds", "90")
+def test_problems_and_recoveries_are_mailed_and_the_demo_exits_0(start_demo, tmp_path):
+    demo = start_demo("--seconds", "120")
 
-    until(lambda: not demo.alive, "the end of the demo", 150, every=0.5)
+    until(lambda: not demo.alive, "the end of the demo", 180, every=0.5)
 
     assert demo.exit_code == 0, demo.output()
     for line in (
+        "a PROBLEM and a RECOVERY for Motor 2 of robot_3, turtlebot4_diagnostics",
         "virtual robots: robot_3 Motor 2 fails",
         "exporter: robot_3 Motor 2 is ERROR",
         "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 is active",
         "Subject: ** PROBLEM ** demo/robot_3 Motor 2 is CRITICAL",
         "virtual robots: robot_3 Motor 2 is repaired",
         "Subject: ** RECOVERY ** demo/robot_3 Motor 2 is no longer CRITICAL",
-        "demo finished: 1 problem, 1 recovery",
+        "exporter: turtlebot_1 navigate_to_pose is WARN: aborted 2 of the last ",
+        "also faulty: turtlebot4_diagnostics: /scan topic status STALE",
+        "Subject: ** RECOVERY ** demo/turtlebot_1 navigate_to_pose is no longer WARNING",
+        "demo finished: 3 problems, 3 recoveries",
     ):
         assert line in demo.output()
     assert re.search(shown_mail(), demo.output()), demo.output()

@@ -1,14 +1,12 @@
-"""A robot's action servers as rclpy has them, in a process of their own which takes commands.
+"""Action servers as virtual robots have them, in a process of their own which takes commands.
 
-It takes a line for each thing on standard input: ``begin NAME`` (a client sends a goal),
-``succeed NAME``, ``abort NAME``, ``cancel NAME`` (of the goal that began first), ``replace NAME``
-(as Nav2 does: a new goal is accepted, and the old one aborted).
+It takes a line for each thing on standard input: a step of virtual_robots.simulation.actions, such
+as ``begin`` or ``abort``, and the action's name.
 """
 
 from __future__ import annotations
 
 import os
-import queue
 import subprocess
 import sys
 import threading
@@ -16,8 +14,6 @@ import time
 from types import TracebackType
 
 from typing_extensions import Self
-
-RESULT_TIMEOUT = 10  # seconds for which a server keeps what ended, as by default with Jazzy
 
 
 class ActionRobot:
@@ -70,77 +66,30 @@ class ActionRobot:
 def main(namespace: str, *names: str) -> None:
     """Serve the actions until standard input ends."""
     import rclpy
-    from rclpy.executors import MultiThreadedExecutor
+    from rclpy.executors import SingleThreadedExecutor
+    from test_msgs.action import Fibonacci
+
+    from virtual_robots.ros.actions import RunningAction
+    from virtual_robots.simulation.actions import Step
 
     rclpy.init()
     node = rclpy.create_node("action_robot", namespace=namespace)
-    actions = {name: _Action(node, name) for name in names}
-    executor = MultiThreadedExecutor(num_threads=8)
+    actions = {name: RunningAction(node, Fibonacci, name) for name in names}
+    executor = SingleThreadedExecutor()
     executor.add_node(node)
     threading.Thread(target=executor.spin, daemon=True).start()
+
+    def is_taken(what: str, name: str) -> bool:
+        taken = executor.create_task(actions[name].take, Step(what))
+        while not taken.done():
+            time.sleep(0.01)
+        return taken.result()
+
     for line in sys.stdin:
-        what, name = line.split()
-        getattr(actions[name], what)()
+        while not is_taken(*line.split()):
+            time.sleep(0.01)  # the client has not found its server yet
         sys.stdout.write(line)
         sys.stdout.flush()
-
-
-class _Action:
-    """One server and its client; each goal waits in a thread to be told how it ends."""
-
-    def __init__(self, node: object, name: str) -> None:
-        from rclpy.action import ActionClient, ActionServer, CancelResponse
-        from rclpy.callback_groups import ReentrantCallbackGroup
-        from test_msgs.action import Fibonacci
-
-        self._type, group = Fibonacci, ReentrantCallbackGroup()
-        self._told: list[queue.Queue[str]] = []  # of the goals that run, the oldest first
-        self._handles: list[object] = []
-        self._server = ActionServer(
-            node,
-            Fibonacci,
-            name,
-            self._execute,
-            callback_group=group,
-            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
-            result_timeout=RESULT_TIMEOUT,
-        )
-        self._client = ActionClient(node, Fibonacci, name, callback_group=group)
-
-    def begin(self) -> None:
-        """Send a goal, and wait until it is executed."""
-        before = len(self._told)
-        self._client.wait_for_server()
-        sent = self._client.send_goal_async(self._type.Goal())
-        sent.add_done_callback(lambda each: self._handles.append(each.result()))
-        while len(self._told) == before or len(self._handles) < len(self._told):
-            time.sleep(0.01)
-
-    def succeed(self) -> None:
-        self._end("succeed")
-
-    def abort(self) -> None:
-        self._end("abort")
-
-    def cancel(self) -> None:
-        """By the client; the goal ends once the server has accepted that."""
-        told = self._told.pop(0)
-        cancelled = self._handles.pop(0).cancel_goal_async()
-        cancelled.add_done_callback(lambda _future: told.put("canceled"))
-
-    def replace(self) -> None:
-        self.begin()
-        self._end("abort")
-
-    def _end(self, how: str) -> None:
-        del self._handles[0]
-        self._told.pop(0).put(how)
-
-    def _execute(self, goal: object) -> object:
-        told = queue.Queue[str]()
-        self._told.append(told)
-        getattr(goal, told.get())()
-        return self._type.Result()
 
 
 if __name__ == "__main__":

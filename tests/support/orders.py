@@ -23,14 +23,14 @@ class Orders:
         self._executor.add_node(self._node)
 
     def give(self, orders: Sequence[tuple[str, str]]) -> None:
-        """Set each (target, order); all are carried out on return.
+        """Set each (ROBOT/COMPONENT, order); all are carried out on return.
 
         Raises:
             AssertionError: One is rejected; the text says why.
         """
         assert self._client.wait_for_service(timeout_sec=30), "no virtual robots answer"
         parameters = [
-            Parameter(target.replace("/", "."), Parameter.Type.STRING, order).to_parameter_msg()
+            Parameter(target.replace("/", ".", 1), Parameter.Type.STRING, order).to_parameter_msg()
             for target, order in orders
         ]
         future = self._client.call_async(SetParameters.Request(parameters=parameters))

@@ -115,6 +115,8 @@ KNOW_ROS = {
     f"{EXPORTER}.sources.dds_subscription",
     f"{EXPORTER}.sources.dds_types",
     f"{EXPORTER}.sources.dds_watch",
+    "virtual_robots.ros.actions",
+    "virtual_robots.ros.borrowed",
     "virtual_robots.ros.contexts",
     "virtual_robots.ros.transport",
     "virtual_robots.ros.control",

@@ -233,7 +233,7 @@ def test_a_verb_installs_the_packages_that_it_needs_once(machine):
         f"{versions} {own} .[ros,demo]",
         f"--no-deps {own} ./sim",
     ]
-    test = "--group test --group dashboards --group docs --group actions"
+    test = "--group test --group dashboards --group docs"
     tools = [f"{versions} {test}", f"{versions} --group mutation"]
 
     machine.run("demo")

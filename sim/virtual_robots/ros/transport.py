@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from enum import Enum
 from typing import Any
 
@@ -13,8 +12,17 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from virtual_robots.recording.cdr import encode_array, encode_status
+from virtual_robots.ros.actions import ActionServers
 from virtual_robots.ros.contexts import DomainError, check_domain_id, open_context, quiet_node
-from virtual_robots.simulation.outputs import FieldMessage, Message, Output, Presence, Topic
+from virtual_robots.ros.messages import MessageTypes
+from virtual_robots.simulation.outputs import (
+    FieldMessage,
+    GoalStep,
+    Message,
+    Output,
+    Presence,
+    Topic,
+)
 
 DRIVER_NODE = "virtual_robot_driver"
 TYPES = {
@@ -55,8 +63,9 @@ class Transport:
 
     ``robots`` are all names that can appear; with DOMAIN the first has ``domain_id`` and each of
     the others the next one. Without ``aggregated`` they have their raw topic only: another program
-    publishes the rest. Those ``without`` diagnostics have none of these topics. Raises DomainError
-    if these are more domains than there are.
+    publishes the rest. Those ``without`` diagnostics have none of these topics. ``types`` are those
+    of topics of their own; ``warn`` is called with a text when a goal cannot be sent. Raises
+    DomainError if these are more domains than there are.
     """
 
     def __init__(
@@ -64,11 +73,14 @@ class Transport:
         robots: list[str],
         domain_id: int,
         participants: Participants,
+        types: MessageTypes,
+        warn: Callable[[str], None],
         *,
         aggregated: bool = True,
         without: Collection[str] = (),
     ) -> None:
         self._topics = tuple(Topic) if aggregated else (Topic.RAW,)
+        self._types, self._warn = types, warn
         step = 1 if participants is Participants.DOMAIN else 0
         last = domain_id + step * (len(robots) - 1)
         try:
@@ -83,6 +95,7 @@ class Transport:
         if participants is Participants.FLEET:
             self._shared = _open(domain_id, f"{DRIVER_NODE}s", None)
         self._own: dict[str, tuple[Context, Node]] = {}
+        self._actions: dict[Node, ActionServers] = {}
         self._without = frozenset(without)
         self._present: set[str] = set()
         self._publishers: dict[tuple[str, str], Any] = {}  # by robot and topic
@@ -93,6 +106,11 @@ class Transport:
             self._publish(output, started)
         elif isinstance(output, FieldMessage):
             self._publish_fields(output)
+        elif isinstance(output, GoalStep):
+            node = self._node_of(output.robot)
+            if node not in self._actions:
+                self._actions[node] = ActionServers(node, self._warn)
+            self._actions[node].take(output.robot, output.action, output.step)
         elif isinstance(output, Presence):
             change = self.add if output.present else self.remove
             change(output.robot)
@@ -116,15 +134,17 @@ class Transport:
             publisher = self._publishers.pop(key)
             if self._shared is not None:
                 self._shared[1].destroy_publisher(publisher)
+        if self._shared is not None and self._shared[1] in self._actions:
+            self._actions[self._shared[1]].remove(robot)
         if robot in self._own:
-            _close(*self._own.pop(robot))
+            self._close(*self._own.pop(robot))
 
     def close(self) -> None:
         """Remove all robots from the graph."""
         for context, node in self._own.values():
-            _close(context, node)
+            self._close(context, node)
         if self._shared is not None:
-            _close(*self._shared)
+            self._close(*self._shared)
 
     def _publish(self, message: Message, started: float) -> None:
         if message.topic is Topic.TOPLEVEL:
@@ -134,17 +154,14 @@ class Transport:
         self._publishers[message.robot, message.topic.value].publish(data)
 
     def _publish_fields(self, message: FieldMessage) -> None:
-        package, _, name = message.topic.type.split("/")
-        kind = getattr(importlib.import_module(f"{package}.msg"), name)
-        key = message.robot, message.topic.topic
+        kind, key = message.topic.type, (message.robot, message.topic.topic)
         if key not in self._publishers:
             kept = DurabilityPolicy.TRANSIENT_LOCAL if message.topic.latched else None
             qos = QoSProfile(depth=1, durability=kept or DurabilityPolicy.VOLATILE)
             node = self._node_of(message.robot)
-            self._publishers[key] = node.create_publisher(kind, "/" + "/".join(key), qos)
-        types = kind.get_fields_and_field_types()
-        fields = {each: _read(types[each], text) for each, text in message.fields}
-        self._publishers[key].publish(kind(**fields))
+            found = self._types.publisher_type(kind)
+            self._publishers[key] = node.create_publisher(found, "/" + "/".join(key), qos)
+        self._publishers[key].publish(self._types.encode(kind, message.fields))
 
     def _node_of(self, robot: str) -> Node:
         if self._shared is not None:
@@ -154,21 +171,13 @@ class Transport:
         self._own[robot] = _open(self._domains[robot], DRIVER_NODE, f"/{robot}")
         return self._own[robot][1]
 
+    def _close(self, context: Context, node: Node) -> None:
+        if node in self._actions:
+            self._actions.pop(node).close()
+        node.destroy_node()
+        context.try_shutdown()
+
 
 def _open(domain_id: int, name: str, namespace: str | None) -> tuple[Context, Node]:
     context = open_context(domain_id)
     return context, quiet_node(name, context, namespace)
-
-
-def _read(kind: str, text: str) -> object:
-    """The value of a field of a type, of its text in a kind's file."""
-    if kind == "boolean":
-        return bool(float(text))
-    if kind in ("float", "double"):
-        return float(text)
-    return text if kind.startswith("string") else int(text)
-
-
-def _close(context: Context, node: Node) -> None:
-    node.destroy_node()
-    context.try_shutdown()

@@ -5,7 +5,8 @@ Owns the form of the errors: one line each, `FILE: key.path: what is wrong`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -51,6 +52,15 @@ def parse(model: type[ModelT], raw: Mapping[str, Any], source: str) -> ModelT:
     except ValidationError as error:
         lines = [f"{source}: {_line(e)}" for e in error.errors(include_url=False)]
         raise DocumentError("\n".join(lines)) from error
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Let a DocumentError say where it is."""
+    try:
+        yield
+    except DocumentError as error:
+        raise DocumentError(f"{where}: {error}") from error
 
 
 def _line(error: Any) -> str:

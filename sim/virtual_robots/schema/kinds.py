@@ -8,13 +8,14 @@ from __future__ import annotations
 import string
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from virtual_robots.model import LEVEL_NAMES
+from virtual_robots.schema.actions import ActionModel
+from virtual_robots.schema.conditions import Choice, LevelName, Name, Rule
 from virtual_robots.schema.documents import Document
+from virtual_robots.schema.topics import Element, TopicModel, Tree, leaves
 
-LevelName = Literal["ok", "warn", "error", "stale"]
-Name = Annotated[str, StringConstraints(min_length=1)]
 Percent = Annotated[float, Field(ge=0, le=100)]
 RESERVED = frozenset({*LEVEL_NAMES, "silent", "flap"})
 
@@ -82,40 +83,6 @@ Variable = Annotated[
 ]
 
 
-class Condition(Document):
-    """Whether a variable is above, or below, a limit."""
-
-    variable: Name = Field(alias="if")
-    above: float | None = None
-    below: float | None = None
-
-    @model_validator(mode="after")
-    def _has_one_limit(self) -> Condition:
-        if (self.above is None) == (self.below is None):
-            raise ValueError("needs 'above' or 'below', and not both")
-        return self
-
-    def holds(self, value: float) -> bool:
-        """Whether it holds for this value of the variable."""
-        if self.above is not None:
-            return value > self.above
-        return self.below is not None and value < self.below
-
-
-class Rule(Condition):
-    """A level and a message while the condition holds."""
-
-    level: LevelName
-    message: str
-
-
-class Choice(Condition):
-    """One text while the condition holds, another otherwise."""
-
-    then: str
-    otherwise: str
-
-
 class FaultModel(Document):
     """A fault by name: it drives a variable ``to`` a value ``over`` seconds, or sets a level."""
 
@@ -130,18 +97,6 @@ class FaultModel(Document):
         if (self.drive is None) == (self.level is None):
             raise ValueError("needs 'drive' (with 'to' and 'over') or 'level' (with 'message')")
         return self
-
-
-class TopicModel(Document):
-    """A topic of a component's own: a message of ``type``, whose ``fields`` are texts.
-
-    What is ``latched`` is published when it changes, and kept for late joiners.
-    """
-
-    topic: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(/[a-z][a-z0-9_]*)*$")]
-    type: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$")]
-    fields: dict[str, str]
-    latched: bool = False
 
 
 class ComponentModel(Document):
@@ -170,7 +125,8 @@ class ComponentModel(Document):
     @model_validator(mode="after")
     def _names_are_known(self) -> ComponentModel:
         known = self._numbers()
-        used = {condition.variable for condition in (*self.rules, *self.texts.values())}
+        conditions = (*self.rules, *self.texts.values(), *self._elements())
+        used = {condition.variable for condition in conditions}
         used |= {fault.drive for fault in self.faults.values() if fault.drive}
         used |= {v.follows for v in self.variables.values() if isinstance(v, Linear)}
         for template in self._templates():
@@ -187,9 +143,15 @@ class ComponentModel(Document):
         batteries = {name for name, v in self.variables.items() if isinstance(v, Battery)}
         return {*self.variables, *(f"{name}_charging" for name in batteries)}
 
+    def _leaves(self) -> tuple[Tree, ...]:
+        return () if self.publishes is None else tuple(leaves(self.publishes.fields))
+
+    def _elements(self) -> tuple[Element, ...]:
+        return tuple(each for each in self._leaves() if isinstance(each, Element))
+
     def _templates(self) -> tuple[str, ...]:
-        fields = {} if self.publishes is None else self.publishes.fields
-        return (self.message, *self.values.values(), *fields.values())
+        fields = (each for each in self._leaves() if isinstance(each, str))
+        return (self.message, *self.values.values(), *fields)
 
     def _try_templates(self) -> None:
         """Fill the templates in once, so that an error shows now and not at the first message."""
@@ -208,10 +170,12 @@ class KindModel(Document):
     """A kind of robot; ``analyzers`` is the diagnostics.yaml beside this file.
 
     One whose components all publish topics of their own has no diagnostics, and no analyzers.
+    ``actions`` are those that it serves.
     """
 
     description: str = ""
     components: tuple[ComponentModel, ...]
+    actions: tuple[ActionModel, ...] = ()
     analyzers: Name | None = None
     period: float = Field(default=1.0, gt=0)
 
@@ -225,4 +189,19 @@ class KindModel(Document):
         if self.has_diagnostics != (self.analyzers is not None):
             what = "needs analyzers" if self.has_diagnostics else "has analyzers and no diagnostics"
             raise ValueError(what)
+        return self
+
+    @model_validator(mode="after")
+    def _actions_need_what_is_there(self) -> KindModel:
+        names = {
+            each.name.format(n=n) for each in self.components for n in range(1, each.count + 1)
+        }
+        for action in self.actions:
+            if action.needs is not None and action.needs not in names:
+                known = ", ".join(sorted(names))
+                raise ValueError(
+                    f"{action.name}: needs: {action.needs!r} is no component of {known}"
+                )
+        if names & (actions := {each.name for each in self.actions}):
+            raise ValueError(f"{', '.join(names & actions)} is a component and an action")
         return self

@@ -13,8 +13,9 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from virtual_robots.schema.conditions import Rule
 from virtual_robots.schema.documents import Document, DocumentError, parse, read_mapping
-from virtual_robots.schema.kinds import Battery, ComponentModel, KindModel, Rule
+from virtual_robots.schema.kinds import Battery, ComponentModel, KindModel
 
 COUNTS = {
     "Motor {n}": "number_of_motors",

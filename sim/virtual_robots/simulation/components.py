@@ -5,7 +5,7 @@ It does not know its robot, nor ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from virtual_robots.schema.kinds import (
     Variable,
     Walk,
 )
+from virtual_robots.schema.topics import Tree, filled
 
 STARTING_UP = "Node starting up"
 FLAP_PERIOD = 2.0
@@ -103,13 +104,21 @@ class Component:
         )
         return Status(level, self.name, message, self.hardware_id, values)
 
-    def fields(self) -> tuple[tuple[str, str], ...]:
-        """The texts of the fields that it publishes; none while it is silent."""
+    def fields(self) -> Tree | None:
+        """The fields that it publishes, filled in; None while it is silent."""
         topic = self.model.publishes
         if topic is None or (self.fault and self.fault.what == "silent"):
-            return ()
-        values = self._template_values()
-        return tuple((name, text.format_map(values)) for name, text in topic.fields.items())
+            return None
+        return filled(topic.fields, self._template_values())
+
+    def extreme_fields(self) -> Iterator[Tree]:
+        """The fields that it publishes with each variable where it can be, one after the other."""
+        for name, model in self.model.variables.items():
+            start = self.variables[name]
+            driven = (each.to for each in self.model.faults.values() if each.drive == name)
+            for self.variables[name] in (start, *_ends(model), *driven):
+                yield self.fields()
+            self.variables[name] = start
 
     def starting_up(self) -> Status:
         """Return what diagnostic_updater sends for a task before its first run."""
@@ -205,3 +214,12 @@ class Component:
             self.variables[charging] = 0.0
         rate = model.charge if self.variables[charging] else -model.drain
         return min(100.0, max(0.0, value + rate * elapsed / 3600))
+
+
+def _ends(model: Variable) -> tuple[float, ...]:
+    """Between which values a variable is; none of what grows."""
+    if isinstance(model, Walk):
+        return model.low, model.high
+    if isinstance(model, Battery):
+        return 0.0, 100.0
+    return (model.at_0, model.at_100) if isinstance(model, Linear) else ()

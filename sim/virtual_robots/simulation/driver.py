@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from virtual_robots.model import Status
-from virtual_robots.schema.kinds import TopicModel
+from virtual_robots.schema.actions import ActionModel
+from virtual_robots.schema.topics import TopicModel, Tree
+from virtual_robots.simulation.actions import Action, Step
 from virtual_robots.simulation.components import Component, Fault
 
 SEQUENCE = "Sequence"
@@ -21,26 +23,28 @@ class Driver:
 
     name: str
     components: list[Component]
+    actions: list[Action] = field(default_factory=list)
     sequence: int = 0
     clock_offset: float = 0.0
     _last_tick: float | None = field(default=None, repr=False)
-    _latched: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict, repr=False)
+    _latched: dict[str, Tree] = field(default_factory=dict, repr=False)
 
-    def component(self, name: str) -> Component:
-        """Return a component. Raises KeyError with a text that lists all names."""
-        for component in self.components:
-            if component.name == name:
-                return component
-        known = ", ".join(self.component_names())
+    @property
+    def parts(self) -> list[Component | Action]:
+        """What can have a fault: its components, and its actions."""
+        return [*self.components, *self.actions]
+
+    def part(self, name: str) -> Component | Action:
+        """Return a component or action. Raises KeyError with a text that lists all names."""
+        for part in self.parts:
+            if part.name == name:
+                return part
+        known = ", ".join(each.name for each in self.parts)
         raise KeyError(f"{self.name} has no component {name!r}, only {known}")
 
-    def component_names(self) -> list[str]:
-        """Return the names of its components, in their order."""
-        return [component.name for component in self.components]
-
-    def inject(self, component: str, fault: Fault | None) -> None:
+    def inject(self, part: str, fault: Fault | None) -> None:
         """Begin or end a fault. Raises KeyError or UnknownFaultError."""
-        self.component(component).inject(fault)
+        self.part(part).inject(fault)
 
     def replace_components(self, components: list[Component]) -> None:
         """Replace the components; one with the name of an old one keeps its values and fault."""
@@ -55,6 +59,7 @@ class Driver:
         self.sequence = 0
         self._last_tick = None
         self._latched.clear()
+        self.leave_graph()
 
     def tick(self, now: float) -> tuple[Status, ...]:
         """Return the array to publish at ``now``: a status for each component that reports.
@@ -90,15 +95,28 @@ class Driver:
         """Whether any component is in its arrays."""
         return any(component.model.publishes is None for component in self.components)
 
-    def messages(self) -> Iterator[tuple[TopicModel, tuple[tuple[str, str], ...]]]:
-        """The messages of topics of their own that are due, with the texts of their fields."""
+    def messages(self) -> Iterator[tuple[TopicModel, Tree]]:
+        """The messages of topics of their own that are due, with their fields."""
         for component in self.components:
             topic, fields = component.model.publishes, component.fields()
-            if topic is None or not fields:
+            if topic is None or fields is None:
                 continue
             if not topic.latched or self._latched.get(topic.topic) != fields:
                 self._latched[topic.topic] = fields
                 yield topic, fields
+
+    def goal_steps(self, now: float, *, reached: bool) -> Iterator[tuple[ActionModel, Step]]:
+        """What has happened to its actions by ``now``; whether their client ``reached`` it."""
+        for action in self.actions:
+            needs = action.model.needs
+            fit = needs is None or self.part(needs).fault is None
+            for step in action.advance(now, fit=fit, reached=reached):
+                yield action.model, step
+
+    def leave_graph(self) -> None:
+        """Its action servers are gone, and start anew when it is back."""
+        for action in self.actions:
+            action.boot()
 
     def publish_again(self) -> None:
         """Have what is latched published again: the robot left the graph."""

@@ -17,8 +17,20 @@ from virtual_robots.aggregator import VERSIONS, Aggregator, Report
 from virtual_robots.schema.thesis import COUNTS, ThesisSettings, draw, load_settings, with_settings
 from virtual_robots.simulation.components import Fault
 from virtual_robots.simulation.driver import Driver
-from virtual_robots.simulation.kinds import build_components, load_analyzers, load_kind
-from virtual_robots.simulation.outputs import FieldMessage, Message, Output, Presence, Topic
+from virtual_robots.simulation.kinds import (
+    build_actions,
+    build_components,
+    load_analyzers,
+    load_kind,
+)
+from virtual_robots.simulation.outputs import (
+    FieldMessage,
+    GoalStep,
+    Message,
+    Output,
+    Presence,
+    Topic,
+)
 from virtual_robots.simulation.robots import RobotSpec, State, VirtualRobot
 
 # A real aggregator's first array after its start is often from before any input: all headers, no
@@ -118,9 +130,9 @@ class Fleet:
 
     def _create(self, spec: RobotSpec) -> VirtualRobot:
         kind = load_kind(spec.kind)
-        robot = VirtualRobot(
-            spec, Driver(spec.name, []), kind.period, Random(f"{self._seed}/{spec.name}")
-        )
+        seed = f"{self._seed}/{spec.name}"
+        driver = Driver(spec.name, [], build_actions(kind, seed))
+        robot = VirtualRobot(spec, driver, kind.period, Random(seed))
         self._apply_settings(robot, load_settings(spec.settings) if spec.settings else None)
         return robot
 
@@ -177,6 +189,8 @@ class Fleet:
                 yield FieldMessage(now, driver.name, topic, fields)
         else:
             driver.publish_again()
+        for action, step in driver.goal_steps(now, reached=robot.online):
+            yield GoalStep(now, driver.name, action, step)
         if robot.aggregator is not None:
             yield from _published(robot, robot.aggregator.receive(statuses, now), now)
         self.schedule(now + robot.period, lambda then: self._tick(robot, generation, then))

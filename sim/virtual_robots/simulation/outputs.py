@@ -1,4 +1,4 @@
-"""What a simulated fleet produces: messages, changes of the ROS graph, notes for the terminal."""
+"""What a simulated fleet produces: messages, goals, changes of the ROS graph, and notes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from enum import Enum
 from typing import NamedTuple
 
 from virtual_robots.model import Status
-from virtual_robots.schema.kinds import TopicModel
+from virtual_robots.schema.actions import ActionModel
+from virtual_robots.schema.topics import TopicModel, Tree
+from virtual_robots.simulation.actions import Step
 
 
 class Topic(Enum):
@@ -31,12 +33,21 @@ class Message(NamedTuple):
 
 
 class FieldMessage(NamedTuple):
-    """A message of a topic of its own: the texts of its fields, by their names."""
+    """A message of a topic of its own: its fields, filled in."""
 
     at: float
     robot: str
     topic: TopicModel
-    fields: tuple[tuple[str, str], ...]
+    fields: Tree
+
+
+class GoalStep(NamedTuple):
+    """Something happens to an action of a robot, or to its goal."""
+
+    at: float
+    robot: str
+    action: ActionModel
+    step: Step
 
 
 class Presence(NamedTuple):
@@ -54,4 +65,4 @@ class Note(NamedTuple):
     text: str
 
 
-Output = Message | FieldMessage | Presence | Note
+Output = Message | FieldMessage | GoalStep | Presence | Note

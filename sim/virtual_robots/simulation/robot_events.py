@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from virtual_robots.simulation.actions import LEASE
 from virtual_robots.simulation.fleet import Fleet, appear
 from virtual_robots.simulation.kinds import load_kind
 from virtual_robots.simulation.outputs import Output, Presence
 from virtual_robots.simulation.robots import State, VirtualRobot
 
-# Seconds after which Fast DDS drops a participant that sends nothing any more (its default lease).
-LEASE = 20.0
 BOOT_TIME = 10.0
 FLAP_PERIOD = 5.0
 
@@ -213,6 +212,7 @@ EVENTS: dict[str, Handler] = {
 def _leave_graph(robot: VirtualRobot, now: float) -> Iterator[Output]:
     if robot.present:
         robot.present = False
+        robot.driver.leave_graph()
         yield Presence(now, robot.spec.name, present=False)
 
 

@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
+from virtual_robots.schema.conditions import Name
 from virtual_robots.schema.documents import Document, DocumentError, parse, read_mapping
-from virtual_robots.schema.kinds import Name
+from virtual_robots.simulation.actions import Action
 from virtual_robots.simulation.components import FLAP_PERIOD as COMPONENT_FLAP_PERIOD
-from virtual_robots.simulation.components import Fault
+from virtual_robots.simulation.components import Component, Fault
 from virtual_robots.simulation.fleet import Fleet
 from virtual_robots.simulation.kinds import kind_path
 from virtual_robots.simulation.outputs import Note, Output
@@ -137,10 +138,10 @@ def _schedule_robot_event(fleet: Fleet, robot: str, event: EventModel) -> None:
 
 
 def _schedule_faults(fleet: Fleet, robot: str, event: EventModel, where: str) -> None:
-    components = fleet.robot(robot).driver.components
-    matching = [c for c in components if fnmatchcase(c.name, event.component or "")]
+    parts = fleet.robot(robot).driver.parts
+    matching = [each for each in parts if fnmatchcase(each.name, event.component or "")]
     if not matching:
-        known = ", ".join(fleet.robot(robot).driver.component_names())
+        known = ", ".join(each.name for each in parts)
         raise DocumentError(f"{where}: component: {robot} has only {known}")
     for component in matching:
         if event.what not in component.known_faults():
@@ -151,7 +152,7 @@ def _schedule_faults(fleet: Fleet, robot: str, event: EventModel, where: str) ->
 
 def _schedule_fault(fleet: Fleet, robot: str, component: str, event: EventModel) -> None:
     def begin(now: float) -> Iterator[Output]:
-        if component not in fleet.robot(robot).driver.component_names():
+        if not found():
             yield Note(now, f"{robot}, {component}: no longer exists since the settings changed")
             return
         if event.what == "ok":
@@ -170,8 +171,10 @@ def _schedule_fault(fleet: Fleet, robot: str, component: str, event: EventModel)
 
     def end(now: float, fault: Fault) -> Iterator[Output]:
         """End the event's own fault, unless another has begun or the component is gone."""
-        found = [c for c in fleet.robot(robot).driver.components if c.name == component]
-        if found and found[0].fault is fault:
+        if any(each.fault is fault for each in found()):
             yield from change(now, None)
+
+    def found() -> list[Component | Action]:
+        return [each for each in fleet.robot(robot).driver.parts if each.name == component]
 
     fleet.schedule(event.at, begin)

@@ -11,6 +11,7 @@ from std_msgs.msg import Bool
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.messages import MessageTypes
+from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources.dds_types import borrowed_type
 from support.ros_publisher import repeating
 from testbed.polling import until
@@ -112,6 +113,33 @@ def test_a_flood_of_large_messages_is_given_up_and_slows_nothing_else(
             expected = {"E-stop", "watch"}
             until(lambda: faults(running).keys() == expected, lambda: f"{faults(running)}", 60)
     assert "/r/battery_state is given up: 20" in faults(running)["watch"]
+
+
+def test_a_flood_of_small_messages_is_given_up_by_the_budget_and_the_robot_is_one(
+    tmp_path, robots, run_exporter, ros_domain, monkeypatch
+):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.watched_bytes.COUNTED", 5.0)
+    entry = f"robots: [{{name: r, namespace: /r, source: raw, domain_id: {ros_domain}}}]"
+    battery = robots.offer("/r/battery_state", reliable=False, kind=BatteryState)
+    e_stop = robots.offer("/r/e_stop", kind=Bool)
+    robots.offer("/r/diagnostics")
+    running = started(tmp_path, run_exporter, entry)
+    flood = BatteryState(percentage=0.8, location="x" * 1000)
+
+    def publish(_turn: int) -> None:
+        e_stop.publish(Bool(data=True))
+        robots.send("/r/diagnostics", Status(0, "Motor", "OK"))
+
+    with repeating(publish, 0.5), repeating(lambda _turn: battery.publish(flood), 0.005):
+        until(battery.get_subscription_count, "the flood is subscribed")
+        until(lambda: not battery.get_subscription_count(), "the flood is given up", 60)
+        expected = {"E-stop", "watch"}
+        until(lambda: faults(running).keys() == expected, lambda: f"{faults(running)}", 60)
+        assert running.sample("robot_watch_bytes_per_second", robot="r") > 20_000
+        running.wait_for("component_level", 0, component="Motor")  # of its diagnostics
+        assert running.sample("robot_up", robot="r") == 1
+    assert "/r/battery_state is given up: " in faults(running)["watch"]
+    assert list(running.service.state.robots) == ["r"]
 
 
 ZENOH = """\

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from demo.steps import Fault, expected_subjects
+from demo.steps import MOTOR, problems
 from ros_diagnostics_exporter.config.load import load
 
 CHECKOUT = Path(__file__).parents[3]
@@ -66,7 +66,7 @@ def test_every_command_is_installed():
 
 
 def test_the_output_shown_is_that_of_the_demo():
-    problem, _ = expected_subjects(Fault())
+    (problem,) = problems([MOTOR])
 
     assert f"Subject: {problem}" in README
-    assert Fault().message in README
+    assert MOTOR.message in README

@@ -28,7 +28,7 @@ def process(stack: Site, name: str) -> Process:
 
 @pytest.fixture
 def demo_run(stack) -> DemoRun:
-    return DemoRun(stack, Screen(Console()), inject=False)
+    return DemoRun(stack, Screen(Console()))
 
 
 @pytest.mark.parametrize("dead", ["exporter", "Grafana"])

@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import pytest
 
-from demo.steps import Fault, Pace, Step, expected_subjects, mail_errors, next_step, out_of_time
+from demo.__main__ import ROBOTS, WHOLE
+from demo.steps import (
+    LASER,
+    MOTOR,
+    Fault,
+    Pace,
+    Step,
+    announcement,
+    finished,
+    mail_errors,
+    next_step,
+    out_of_time,
+    problems,
+    recoveries,
+)
+from testbed.configuration import KINDS
 from testbed.mail import Mail
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.scenario import load_scenario
 
-FAULT = Fault("robot_7", "Motor 1", "hot")
+FAULT = Fault("robot_7", "Motor 1", "error", {"Motor 1": "CRITICAL"}, "hot")
 PACE = Pace(healthy=10, notified=5)
-PROBLEM, RECOVERY = expected_subjects(FAULT)
+(PROBLEM,), (RECOVERY,) = problems([FAULT]), recoveries([FAULT])
+BOTH = (FAULT, LASER)
 
 
 def mails(*subjects: str) -> list[Mail]:
@@ -31,7 +49,7 @@ def mails(*subjects: str) -> list[Mail]:
     ],
 )
 def test_a_step_follows_when_its_time_or_its_mail_has_come(at, since, arrived, then):
-    assert next_step(at, since, mails(*arrived), FAULT, PACE) is then
+    assert next_step(at, since, mails(*arrived), [FAULT], PACE) is then
 
 
 @pytest.mark.parametrize(
@@ -44,7 +62,7 @@ def test_a_step_follows_when_its_time_or_its_mail_has_come(at, since, arrived, t
     ],
 )
 def test_every_missing_or_unexpected_mail_is_an_error(arrived, wrong):
-    errors = mail_errors(mails(*arrived), FAULT)
+    errors = mail_errors(mails(*arrived), [FAULT])
 
     assert len(errors) == len(wrong)
     for error, part in zip(errors, wrong, strict=True):
@@ -52,5 +70,32 @@ def test_every_missing_or_unexpected_mail_is_an_error(arrived, wrong):
 
 
 def test_running_out_of_time_names_the_step_and_the_option():
-    assert "while waiting for the recovery email" in out_of_time(Step.REPAIRED)
+    assert "while waiting for the recovery emails" in out_of_time(Step.REPAIRED)
     assert "--seconds 150" in out_of_time(Step.REPAIRED)
+
+
+def test_with_two_faults_all_their_mails_are_waited_for():
+    first, *others = sorted(problems(BOTH))
+    assert len(others) == 2
+    assert next_step(Step.BROKEN, 99.0, mails(first, others[0]), BOTH, PACE) is Step.BROKEN
+    assert next_step(Step.BROKEN, 99.0, mails(first, *others), BOTH, PACE) is Step.NOTIFIED
+    assert finished([FAULT]) == "demo finished: 1 problem, 1 recovery"
+    assert finished(BOTH) == "demo finished: 3 problems, 3 recoveries"
+
+
+def test_what_will_happen_is_announced_with_its_mails():
+    scan = "turtlebot4_diagnostics: /scan topic status of turtlebot_1"
+    assert announcement((MOTOR, LASER)) == (
+        f"Motor 2 of robot_3 and {scan} will fail and be repaired: a PROBLEM and a RECOVERY for"
+        f" Motor 2 of robot_3, {scan}, navigate_to_pose of turtlebot_1"
+    )
+
+
+def test_what_breaks_is_there():
+    fleet = Fleet(load_scenario(ROBOTS).specs)
+    assert len(fleet.robots) == WHOLE.robots
+    for fault in (MOTOR, LASER):
+        part = fleet.robot(fault.robot).driver.part(fault.component)
+        assert fault.what in part.known_faults()
+    kinds = {robot.spec.kind.parent for robot in fleet.robots.values()}
+    assert kinds == {KINDS}

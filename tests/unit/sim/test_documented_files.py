@@ -7,13 +7,15 @@ from pathlib import Path
 
 from support.simulated_fleet import fleet_of, of
 from virtual_robots.schema.thesis import ThesisSettings, load_settings
+from virtual_robots.simulation.actions import Step
+from virtual_robots.simulation.components import Fault
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.outputs import Note, Topic
+from virtual_robots.simulation.outputs import FieldMessage, GoalStep, Note, Topic
 from virtual_robots.simulation.robot_events import EVENTS
 from virtual_robots.simulation.scenario import load_scenario, schedule_events
 
 PAGE = (Path(__file__).parents[3] / "docs" / "virtual-robots.md").read_text()
-SETTINGS, KIND, SCENARIO = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+SETTINGS, KIND, GRIPPER, SCENARIO = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 ANALYZERS = """/**:
   ros__parameters:
     gripper: {type: diagnostic_aggregator/GenericAnalyzer, path: Gripper, contains: [Finger]}
@@ -35,6 +37,18 @@ def test_the_kind_runs(tmp_path: Path) -> None:
         "/Gripper/gripper_node: Finger 1",
         "/Gripper/gripper_node: Finger 2",
     ]
+
+
+def test_the_kind_with_a_topic_of_its_own_and_an_action_runs(tmp_path: Path) -> None:
+    path = tmp_path / "gripper.yaml"
+    path.write_text(GRIPPER)
+    fleet = fleet_of(str(path))
+    fleet.inject("robot_1", "Gripper", Fault("opened", 0.0))
+    outputs = list(fleet.advance(60.0))
+    (alarm,) = [each for each in outputs if isinstance(each, FieldMessage)][-1].fields["alarms"]
+    assert alarm == {"code": 7}
+    steps = [each.step for each in outputs if isinstance(each, GoalStep)]
+    assert steps == [Step.START, *2 * [Step.BEGIN, Step.ABORT]]
 
 
 def test_the_scenario_plays_all_its_events(tmp_path: Path) -> None:

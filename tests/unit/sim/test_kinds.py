@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -53,12 +54,12 @@ def test_each_fault_of_a_kind_begins_takes_its_course_and_ends(kind, name, fault
     assert level_of(after, name) == OK
 
 
-def fields_of(fleet, until: float) -> dict[str, list[dict[str, str]]]:
+def fields_of(fleet, until: float) -> dict[str, list[Any]]:
     """The fields of the messages of each topic of its own."""
-    found: dict[str, list[dict[str, str]]] = {}
+    found: dict[str, list[Any]] = {}
     for each in fleet.advance(until):
         if isinstance(each, FieldMessage):
-            found.setdefault(each.topic.topic, []).append(dict(each.fields))
+            found.setdefault(each.topic.topic, []).append(each.fields)
     return found
 
 
@@ -69,14 +70,28 @@ def test_an_arm_without_diagnostics_publishes_its_topics_and_no_arrays():
     fleet.inject("robot_1", "E-stop", Fault("pressed", fleet.now))
     found = fields_of(fleet, 20.0)
     assert [float(each["data"]) for each in found["e_stop"]] == [1]  # on a change
-    assert len(found["controller/temperature"]) == 10
+    assert len(found["joint_states"]) == 10
     fleet.inject("robot_1", "E-stop", None)
-    fleet.inject("robot_1", "Mode", Fault("manual", fleet.now))
+    fleet.inject("robot_1", "Safety mode", Fault("protective_stop", fleet.now))
     found = fields_of(fleet, 30.0)
-    assert ([float(each["data"]) for each in found["e_stop"]], found["mode"]) == (
-        [0],
-        [{"data": "manual"}],
-    )
+    assert [float(each["data"]) for each in found["e_stop"]] == [0]
+    (safety,) = found["io_and_status_controller/safety_mode"]
+    assert float(safety["mode"]) == 3
+
+
+def test_the_hazards_of_a_create_3_are_elements_of_an_array_while_they_last():
+    fleet = fleet_of("create3")
+    assert fields_of(fleet, 5.0)["hazard_detection"][-1] == {"detections": ()}
+    fleet.inject("robot_1", "Hazards", Fault("lifted", fleet.now))
+    (hazard,) = fields_of(fleet, 10.0)["hazard_detection"][-1]["detections"]
+    assert hazard == {"header": {"frame_id": "wheel_drop_left"}, "type": 4}
+
+
+def test_a_turtlebot_s_names_have_two_blanks_where_its_node_writes_a_path():
+    last = of(fleet_of("turtlebot4").advance(8.0), Topic.AGGREGATED)[-1]
+    names = {status.name for status in last.statuses}
+    assert "/Turtlebot4/Lidar/turtlebot4_diagnostics:  scan topic status" in names
+    assert "/Turtlebot4/Create3/Battery/turtlebot4_diagnostics: Battery Percentage" in names
 
 
 def test_an_amr_without_diagnostics_drains_its_battery_and_is_charged():
@@ -91,7 +106,7 @@ def test_an_amr_without_diagnostics_drains_its_battery_and_is_charged():
 def test_a_silent_component_of_its_own_topic_publishes_nothing():
     fleet = fleet_of("arm")
     list(fleet.advance(3.0))
-    fleet.inject("robot_1", "Controller", Fault("silent", fleet.now))
+    fleet.inject("robot_1", "Joints", Fault("silent", fleet.now))
     assert fields_of(fleet, 10.0) == {}
 
 
@@ -189,6 +204,9 @@ def test_a_value_returns_after_a_fault_that_was_injected_twice() -> None:
     assert part.variables["t"] == 60
 
 
+ELEMENT = "publishes: {{topic: t, type: a/msg/B, fields: {{x: [{{if: z, above: 1{}}}]}}}}"
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [
@@ -207,6 +225,18 @@ def test_a_value_returns_after_a_fault_that_was_injected_twice() -> None:
         (
             "name: Arm, faults: {error: {level: error}}",
             "components.0: Arm: a fault cannot be called error",
+        ),
+        (
+            f"name: A, {ELEMENT.format(', then: 1')}",
+            "components.0: A: no variable z",
+        ),
+        (
+            f"name: A, {ELEMENT.format('')}",
+            "components.0.publishes.fields: an element of an array: then: is missing",
+        ),
+        (
+            "name: A, publishes: {topic: t, type: a/msg/B, fields: {x: null}}",
+            "a field is a text, a number, a list or a mapping, not None",
         ),
         (
             "name: A, variables: {t: {walk: 1, start: 9, low: 0, high: 5}}",

@@ -96,5 +96,5 @@ def test_settings_that_an_editor_is_replacing_are_waited_for(tmp_path: Path) -> 
     player = Player(fleet, lambda *_: None, pytest.fail)
     settings.write_text("")
     player.play(threading.Event(), until=1.5)
-    names = fleet.robot("robot_1").driver.component_names()
-    assert sum(name.startswith("Motor") for name in names) == 5
+    parts = fleet.robot("robot_1").driver.parts
+    assert sum(each.name.startswith("Motor") for each in parts) == 5

@@ -10,23 +10,16 @@ import pytest
 from virtual_robots.cli import main
 
 
-@pytest.mark.parametrize(
-    ("missing", "words", "sentence"),
-    [
-        ("rclpy", ["--robots", "1"], "ROS 2 cannot be imported"),
-        ("rosbags", ["record", "bag"], "recordings need the library rosbags"),
-    ],
-)
-def test_without_a_library_a_sentence_says_how_to_get_it(missing, words, sentence):
+def test_without_ros_a_sentence_says_how_to_get_it():
     code = (
-        f"import sys; sys.modules['{missing}'] = None\n"
-        f"from virtual_robots.cli import main; sys.exit(main({words}))"
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from virtual_robots.cli import main; sys.exit(main(['--robots', '1']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 1
-    assert sentence in done.stderr
+    assert "ROS 2 cannot be imported" in done.stderr
     assert f"{sys.executable} -m pip install " in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -54,7 +47,7 @@ def test_wrong_usage_is_an_error(words, what, capsys):
     ("words", "what"),
     [
         (["--domain-id", "233"], "domain id 233 must be between 0 and 232"),
-        (["--kind", "tank"], "kind 'tank' is not known; it is one of amr, arm, kobuki, thesis"),
+        (["--kind", "tank"], "kind 'tank' is not known; it is one of amr, arm, create3, ko"),
         (["--kind", "kobuki", "--settings", "s.yaml"], "--settings is for --kind thesis only"),
         (["--kind", "thesis", "--scenario", "s.yaml"], "--kind and --settings go with --robots"),
         (["--scenario", "gone.yaml"], "gone.yaml: cannot be read: No such file"),

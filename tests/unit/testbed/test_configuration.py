@@ -40,3 +40,15 @@ def test_robots_are_received_from_their_domain_or_through_a_router(tmp_path, zen
     clocks = configuration.Clocks()
     configs = configuration.write(tmp_path, 42, ADDRESSES, clocks, zenoh)
     assert load(configs.fleet).domain_ids == domains
+
+
+def test_robots_without_diagnostics_are_found_by_their_topics_where_these_are_received(tmp_path):
+    sources = []
+    for number, zenoh in enumerate(("", "tcp/127.0.0.1:7447")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        fleet = load(configuration.fleet(folder, 42, configuration.Clocks(), zenoh))
+        sources.append({each.source.value for each in fleet.discoveries})
+        assert fleet.name == configuration.FLEET
+        assert (folder / "msg" / "ur_dashboard_msgs" / "SafetyMode.msg").is_file()
+    assert ("none" in sources[0], "none" in sources[1]) == (True, False)

@@ -12,6 +12,7 @@ from random import Random
 from virtual_robots.aggregator import Parameters, load_parameters
 from virtual_robots.schema.documents import DocumentError, parse, read_mapping
 from virtual_robots.schema.kinds import ComponentModel, KindModel
+from virtual_robots.simulation.actions import Action
 from virtual_robots.simulation.components import Component
 
 HERE = Path(__file__).parent
@@ -59,6 +60,11 @@ def build_components(kind: KindModel, seed: str) -> list[Component]:
         for model in kind.components
         for number in range(1, model.count + 1)
     ]
+
+
+def build_actions(kind: KindModel, seed: str) -> list[Action]:
+    """The actions of one robot, each with random numbers of its own drawn from ``seed``."""
+    return [Action(model, Random(f"{seed}/{model.name}")) for model in kind.actions]
 
 
 def _build(model: ComponentModel, number: int, seed: str) -> Component:
