@@ -124,9 +124,9 @@ class Actions:
         except _RejectedError as error:
             return self._reject(request, error.status, str(error))
         except LookupError as error:
-            return self._reject(request, 409, f"Your change was not saved: {error.args[0]}.")
+            return self._reject(request, 409, _sentence(str(error.args[0])))
         except ConnectionError as error:
-            return self._reject(request, 502, f"Your change was not saved: {error}.")
+            return self._reject(request, 502, _sentence(str(error)))
         return RedirectResponse(page, status_code=303)
 
     def _reject(self, request: Request, status: int, why: str) -> Response:
@@ -220,3 +220,7 @@ async def _fields(request: Request) -> dict[str, str]:
         name: unquote(text) if name in {"robot", "component"} else text
         for name, text in fields.items()
     }
+
+
+def _sentence(why: str) -> str:
+    return f"{why[:1].upper()}{why[1:]}."

@@ -39,9 +39,8 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
         print_json(found)
     else:
         name = one_line(" ".join(query.values()))
-        print(f"{name} is forgotten, with {found['forgotten']} components")  # noqa: T201
-        if not known:
-            print(_of_unknown(robot, servers))  # noqa: T201
+        said = f"{name} is forgotten, with {found['forgotten']} components"
+        print(said if known else _of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:
             print(ALONE)  # noqa: T201
 

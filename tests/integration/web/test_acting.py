@@ -61,7 +61,7 @@ def cancels(site, token: str) -> None:
     assert "The downtime is cancelled." in ask(site, "/-/cancel-downtime", cancel)
     with pytest.raises(HTTPError) as error:
         ask(site, "/-/cancel-downtime", cancel)
-    assert "there is no such downtime any more" in error.value.read().decode()
+    assert "There is no such downtime any more." in error.value.read().decode()
 
 
 def test_a_technician_acknowledges_a_fault_and_plans_a_downtime_with_a_browser(site):

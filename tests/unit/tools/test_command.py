@@ -182,7 +182,7 @@ def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, caps
     server = serve(forget=lambda *_: (0, True), fleet_snapshot=lambda: FLEET, lifecycle=True)
     assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 0
     said = "no robot 'robot1' is known here; the nearest is 'robot_1'; alerts that are held for it"
-    assert said in capsys.readouterr().out
+    assert capsys.readouterr().out == f"{said} end\n"
 
 
 def test_why_names_the_nearest_robot(serve, capsys):

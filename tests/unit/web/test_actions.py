@@ -268,7 +268,7 @@ def test_what_cannot_be_done_says_why_and_is_logged(serve, tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         answer = ended.acknowledge()
     assert answer.status == 409
-    assert "Your change was not saved: it has &lt;ended&gt;." in answer.text
+    assert "It has &lt;ended&gt;." in answer.text
     assert "form of ann from 127.0.0.1: 409" in caplog.text
     assert Site(serve, tmp_path, acknowledge=away).acknowledge().status == 502
 

@@ -266,11 +266,11 @@ def test_a_fault_of_which_nothing_is_known_is_404_and_the_page_says_since_when(s
     answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), f"/faults/{FAULT}")
     assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
     assert f"Nothing is known of fault {FAULT}" in read(answer.text).text
-    assert "no event is kept: what has ended is forgotten" in read(answer.text).text
+    assert "no events are kept. So faults that have ended are not known." in read(answer.text).text
     kept = no_history(FAULT) | {"events_since": 600.0}
     answer = ask(serve(fault_history=lambda _fault: kept), f"/faults/{FAULT}")
     assert answer.status == 404
-    assert "The log goes back to 00:10:00 UTC: what endedbefore" in read(answer.text).text
+    assert "The log goes back to 00:10:00 UTC. Faults thatended before" in read(answer.text).text
 
 
 MOTOR = {"robot": "a", "group": "/Motor", "component": "Motor 1"}
