@@ -85,7 +85,6 @@ events:
 def test_goals_of_real_action_servers_end_as_their_faults_say(
     virtual_robots: Callable[..., Process], received: Received, tmp_path: Path
 ):
-    pytest.importorskip("test_msgs.action", reason="needs the type of an action")
     (tmp_path / "worker.yaml").write_text(WORKER)
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text(SCENARIO)
