@@ -16,6 +16,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter import __version__
+from support.newcomer import blocks
 from testbed import domains, http, ports
 from testbed.polling import until
 from testbed.processes import Process
@@ -113,6 +114,18 @@ def test_systemd_accepts_the_unit_and_rates_it_secure(tmp_path):
     found = re.search(r"Overall exposure level for \S+: ([\d.]+)", report)
     assert found is not None
     assert float(found[1]) < 2.0
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_accepts_the_socket_of_the_page_for_the_unit(tmp_path):
+    (text,) = blocks("docs/deployment.md", "### Socket activation")
+    unit, sock = tmp_path / UNIT.name, tmp_path / UNIT.with_suffix(".socket").name
+    unit.write_text(UNIT.read_text().replace("/opt/ros-diagnostics-exporter/bin/", "/bin/true "))
+    sock.write_text(text)
+    assert run("systemd-analyze", "verify", sock, unit) == ""
+    sock.write_text(text.replace("ListenStream", "Listen"))
+    with pytest.raises(AssertionError, match="Unit has no Listen setting"):
+        run("systemd-analyze", "verify", sock, unit)
 
 
 def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
