@@ -95,6 +95,7 @@ def _backtest(command: list[str]) -> dict[str, Any]:
     try:
         done = subprocess.run(  # noqa: S603 - this program
             [*command, "--output", "json"],
+            stdin=subprocess.DEVNULL,  # it has the questions
             capture_output=True,
             text=True,
             timeout=SECONDS,

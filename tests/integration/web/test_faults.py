@@ -12,6 +12,8 @@ from urllib.error import HTTPError
 
 import pytest
 
+from ros_diagnostics_exporter.http_client import Client as Exporter
+from ros_diagnostics_tools.ask import Answers
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from support import exposition
 from testbed.polling import until
@@ -70,6 +72,14 @@ def test_a_recording_has_the_bytes_that_another_subscriber_recorded_and_replays(
         check=True,
     )
     assert '"component": "Motor 2"' in ended.stdout
+    asked = Answers(Exporter(f"http://127.0.0.1:{site.port}"))
+    shown = asked.recording(fault["fault"])["answer"]
+    assert [each["level"] for each in shown["statuses"]] == ["OK", "ERROR"]
+    assert shown["topics"][TOPIC] == len(ours)
+    again = asked.backtest(fault["fault"], "1h")["answer"]
+    as_it_is = [each["component"] for each in again["as_it_is"]["notifications"]]
+    assert (as_it_is, again["with_it"]["notifications"]) == (["Motor 2"], [])
+    assert "too short to know" in again["with_it"]["warnings"][-1]
 
 
 def page(site, fault: str) -> tuple[int, str]:
