@@ -7,6 +7,7 @@ the answer.
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
@@ -142,11 +143,17 @@ def serve_http(exporter: Client, host: str, port: int) -> None:
     """Answer over HTTP at /mcp until the process ends.
 
     Who asks logs in with a user of the exporter, which decides for each question.
+
+    Raises:
+        OSError: It cannot listen there.
     """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.create_server((host, port), family=family)
     app = make_server(exporter).streamable_http_app(
         stateless_http=True, json_response=True, host=host
     )
-    uvicorn.run(_passing_on_the_login(app), host=host, port=port, log_level="warning")
+    config = uvicorn.Config(_passing_on_the_login(app), log_level="warning")
+    uvicorn.Server(config).run(sockets=[listening])
 
 
 def _passing_on_the_login(app: ASGIApp) -> ASGIApp:

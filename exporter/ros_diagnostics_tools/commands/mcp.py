@@ -39,4 +39,8 @@ def command(servers: Servers, listen: tuple[str, int] | None) -> None:
         raise click.UsageError(f"{flag} is not used with --listen: who asks logs in; leave it out")
     host, port = listen
     sys.stderr.write(f"{about} on http://{host}:{port}/mcp\n")
-    serve_http(servers.exporter, host, port)
+    try:
+        serve_http(servers.exporter, host, port)
+    except OSError as error:
+        what = f"cannot listen on {host}:{port}: {error.strerror}"
+        raise NotDoneError(f"{what}; choose another --listen") from error

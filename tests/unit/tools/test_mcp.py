@@ -165,6 +165,16 @@ def test_over_http_who_asks_logs_in_with_a_user_of_the_exporter(over_http):
         assert wrong.structured_content is None
 
 
+def test_an_address_that_is_in_use_is_named(capsys):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        assert main(["mcp", "--listen", address]) == 1
+
+    said = capsys.readouterr().err
+    assert f"cannot listen on {address}: Address already in use" in said
+    assert "; choose another --listen" in said
+
+
 @pytest.mark.parametrize("flags", [("--user", "ann"), ("--cert-file", "/etc/hostname")])
 def test_over_http_nobody_has_the_rights_of_who_started_it(flags, capsys):
     assert main(["mcp", "--listen", "127.0.0.1:9878", *flags]) == 2
