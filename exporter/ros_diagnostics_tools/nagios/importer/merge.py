@@ -45,7 +45,8 @@ def _text(path: Path) -> str:
     try:
         text = limits.read(path, MOST_BYTES).decode("utf-8")
     except (OSError, ValueError) as error:
-        raise NagiosError(f"{path}: {error}; give Alertmanager's configuration") from None
+        reason = getattr(error, "strerror", None) or error
+        raise NagiosError(f"{path}: {reason}; give Alertmanager's configuration") from None
     return text if text.endswith("\n") else f"{text}\n"
 
 

@@ -298,6 +298,13 @@ def test_what_cannot_be_merged_into_is_named(tmp_path, text, message):
         convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path))
 
 
+def test_an_alertmanager_yml_that_is_not_there_is_named_in_words(tmp_path):
+    path = tmp_path / "alertmanager.yml"
+    message = rf"^{re.escape(str(path))}: No such file or directory; give Alertmanager's"
+    with pytest.raises(NagiosError, match=message):
+        convert([SITE / "nagios.cfg"], OPTIONS._replace(into=path))
+
+
 def test_lists_that_are_not_there_are_added(tmp_path):
     path = tmp_path / "alertmanager.yml"
     path.write_text("route:\n  receiver: a\nreceivers:\n- name: a")
