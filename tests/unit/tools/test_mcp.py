@@ -86,6 +86,36 @@ def test_no_text_of_a_robot_leaves_its_field(exporter):
         assert answer["links"] == [query, f"{exporter}/faults/bdfd3fe863c6"]
 
 
+FAULT = "bdfd3fe863c6"
+ROWS = [{"fault": FAULT, "id": number, "evidence": text} for number, text in enumerate(HOSTILE, 1)]
+# What each tool is asked, and what the backend answers, with the rows in a field of this name.
+ANSWERS = {
+    "list_faults": ({}, "faults", {"faults": lambda: {"faults": ROWS}}),
+    "show_fault": ({"fault": FAULT}, "occurrences", {"fault_history": lambda _fault: SHOWN}),
+    "history": ({"robot": "robot_1"}, "events", {"find_events": lambda _wanted: ROWS}),
+    "capabilities": ({}, "capabilities", {"capabilities": lambda _robot: {"capabilities": ROWS}}),
+    "missions": ({}, "robots", {"missions": lambda _robot: {"robots": ROWS}}),
+}
+SHOWN = {"occurrences": ROWS}
+
+
+@pytest.mark.parametrize("tool", ANSWERS)
+def test_of_no_tool_a_text_leaves_its_field(serve, tool):
+    asked, field, answers = ANSWERS[tool]
+    exporter = f"http://{serve(**answers).addresses[0]}"
+
+    (result,) = ask_all(ask.make_server(Exporter(exporter)), [(tool, asked)])
+
+    found = result.structured_content
+    (shown,) = result.content
+    assert json.loads(shown.text) == found
+    assert all(line.isprintable() for line in shown.text.split("\n"))
+    assert (found.keys(), found["note"]) == ({"note", "faults", "links", "answer"}, ask.NOTE)
+    assert (found["faults"], found["links"][1:]) == ([FAULT], [f"{exporter}/faults/{FAULT}"])
+    texts = [each["evidence"] for each in found["answer"][field]]
+    assert texts == [ask.printable(each) for each in HOSTILE]
+
+
 def test_the_command_offers_questions_only_over_stdio(exporter):
     arguments = ["-m", "ros_diagnostics_tools.main", "mcp", "--url", exporter]
 
