@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
+from ros_diagnostics_exporter.config.links import Links
 from ros_diagnostics_exporter.config.patterns import (
     ROBOT,
     KeyTemplate,
@@ -34,7 +35,6 @@ from ros_diagnostics_exporter.config.scalars import (
     Name,
     Namespace,
     Topic,
-    Url,
 )
 from ros_diagnostics_exporter.model import ZENOH
 
@@ -43,7 +43,6 @@ RAW_NAME = "diagnostics"
 MESSAGE_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 Labels = Annotated[Mapping[str, str], Written(dict[LabelName, LabelValue], MappingProxyType)]
-Links = Annotated[Mapping[str, str], Written(dict[Name, Url], MappingProxyType)]
 
 
 class Source(str, Enum):
@@ -125,8 +124,8 @@ class Robot(Entry):
     )
     labels: Labels = _labels()
     links: Links = described(
-        "Pages about the robot, each with its name. The robot's page and the API have them.",
-        example={"wiki": "https://wiki.example.org/r1"},
+        "Links of this robot, beside those of its profile.",
+        example={"manual": "https://wiki.example.org/r1"},
         default_factory=nothing,
     )
     topic: Topic | None = described(

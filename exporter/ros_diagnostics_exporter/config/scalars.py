@@ -27,7 +27,6 @@ MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would excee
 MAX_NAME = 128
 QUERY_INTERVALS = 5.0, 30.0  # seconds, the shortest and the longest
 MAX_LABEL_VALUE = 256
-MAX_URL = 2048
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
 LEAST_CANARY = 60  # seconds between two canaries
@@ -37,7 +36,6 @@ _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 NAME = r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*"  # of a node, or a topic
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
 _KEY = r"[A-Za-z0-9_][A-Za-z0-9_.:-]*(?:/[A-Za-z0-9_][A-Za-z0-9_.:-]*)*"
-_URL = r"https?://[A-Za-z0-9\[][^\s\"'<>\\^`{|}]*"
 _LOCATOR = r"(?:tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 _RANGE = r"(\d{1,3})-(\d{1,3})"
 _CAPABILITY = r"[^\W_](?:[\w '-]{0,38}\w)?"
@@ -237,12 +235,6 @@ def address(value: Any) -> str:
     return matching(value, _ADDRESS, "is not a host", "write a host name or an IP address", 253)
 
 
-def url(value: Any) -> str:
-    """The address of a page, to which a browser goes."""
-    remedy = 'write one such as "https://wiki.example.org/r1"'
-    return matching(value, _URL, "is not the URL of a page", remedy, MAX_URL)
-
-
 def label_name(value: Any) -> str:
     """The name of a label: valid for Prometheus and not reserved."""
     remedy = "use letters, digits and _, not beginning with a digit"
@@ -391,7 +383,6 @@ Name = Annotated[str, _value(name, "name", "^[^/]+$", maxLength=MAX_NAME)]
 CapabilityName = Annotated[str, _value(capability_name, "capability", "^[^;,/]+$", maxLength=40)]
 Address = Annotated[str, Value(address, "host", type="string", minLength=1)]
 Folder = Annotated[str, Value(folder, "folder", type="string", minLength=1)]
-Url = Annotated[str, _value(url, "URL", _whole(_URL), maxLength=MAX_URL)]
 LabelName = Annotated[
     str, _value(label_name, "label name", _whole(_LABEL), **{"not": {"anyOf": _RESERVED}})
 ]
