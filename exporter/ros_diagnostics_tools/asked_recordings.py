@@ -84,8 +84,9 @@ def judged_again(path: Path, confirm_after: str) -> dict[str, Any]:
     changed.write_text(with_confirm_after(config.read_text("utf-8"), confirm_after), "utf-8")
     # A process of its own: the time is limited, and what it prints is not part of the protocol.
     command = [sys.executable, "-m", "ros_diagnostics_tools.main", "backtest", str(path), "--quiet"]
-    found = [_backtest([*command, "--config", str(each)]) for each in (config, changed)]
-    as_it_is, otherwise = (
+    # The changed one first: it may be no configuration.
+    found = [_backtest([*command, "--config", str(each)]) for each in (changed, config)]
+    otherwise, as_it_is = (
         {key: each[key] for key in ("notifications", "warnings")} for each in found
     )
     return {_SETTING: confirm_after, "as_it_is": as_it_is, "with_it": otherwise}

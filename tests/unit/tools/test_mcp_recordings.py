@@ -94,7 +94,7 @@ def test_a_back_test_says_when_another_time_would_have_notified(asked, confirm_a
     assert any(too_short in each for each in answer["with_it"]["warnings"]) is (notified == [])
 
 
-@pytest.mark.parametrize("confirm_after", ["soon", "5s}]\nrobots: []", "", "-1s", "1000000d"])
+@pytest.mark.parametrize("confirm_after", ["soon", "5s}]\nrobots: []", ""])
 def test_what_is_no_duration_is_an_error_in_the_configs_words(asked, confirm_after):
     result = asked("backtest", fault=FAULT, confirm_after=confirm_after)
 

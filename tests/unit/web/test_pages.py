@@ -5,7 +5,6 @@ import hashlib
 import json
 import re
 import time
-from html import unescape
 from html.parser import HTMLParser
 from urllib.parse import quote, urldefrag, urljoin
 
@@ -66,7 +65,6 @@ def test_all_texts_of_robots_are_escaped():
         labels={EVIL: EVIL},
         topic=EVIL,
         address=EVIL,
-        links={EVIL: EVIL},
         profile=EVIL,
         problems=[
             problem("component", "critical", component=EVIL, group=EVIL),
@@ -589,17 +587,6 @@ def test_a_robots_page_has_its_facts_and_the_newest_of_what_happened(monkeypatch
     assert (text.count("step"), "step 10." in text, "step 9." in text) == (50, True, False)
     never = read(robot_page(fleet(robot("r", last_message=None)), "r", []) or "").text
     assert "Last messagenever" in never
-
-
-def test_a_robots_page_links_the_pages_of_fleet_yml():
-    wiki, camera = "https://wiki.example.org/r?a=1&b=2", "http://10.0.0.1:8080/"
-    page = robot_page(fleet(robot("r", links={"wiki": wiki, "camera": camera})), "r", []) or ""
-
-    found = re.findall(r'<a href="([^"]*)" rel=noreferrer>([^<]*)</a>', page)
-    assert [(unescape(url), text) for url, text in found] == [
-        (wiki, "wiki"),
-        (camera, "camera"),
-    ]
 
 
 def test_what_the_fleet_and_a_robot_can_do_is_shown_the_worst_first():

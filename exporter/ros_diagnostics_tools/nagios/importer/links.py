@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
-from ros_diagnostics_exporter.config.links import MAX_NAME, link
+from ros_diagnostics_exporter.config.links import MAX_NAME, link, link_name
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
@@ -31,7 +31,7 @@ def _of(
         name = f"{service.name} {key}" if service else key
         name = name[-MAX_NAME:].strip()
         try:
-            yield name, link(site.filled(thing.get(key), host, service))
+            yield link_name(name), link(site.filled(thing.get(key), host, service))
             thing.take(key, f"{where}.links[{name}]")
         except WrongValueError as error:
             thing.lose(key, f"{error}: add it to links of the robot in fleet.yml")

@@ -15,6 +15,7 @@ from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.computers import QUERIES, asked
 from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT
 from ros_diagnostics_tools.nagios.importer.convert import QUERIES as QUERIES_FILE
+from ros_diagnostics_tools.nagios.importer.routes import ROUTES
 
 CHECKOUT = Path(__file__).parents[4]
 SITE = CHECKOUT / "tests/data/nagios-computers.cfg"
@@ -174,6 +175,24 @@ def test_what_a_command_line_asks(line, expected):
     assert (None if found is None else tuple(found)) == expected
 
 
+@pytest.mark.parametrize("kind", ["host", "service"])
+def test_a_contact_without_options_is_notified_of_nothing(run, kind):
+    text = re.sub(rf"  {kind}_notification_options .*\n", "", SITE.read_text())
+
+    _code, _out, folder = run(text)
+
+    below = [
+        each["matchers"]
+        for route in yaml.safe_load((folder / ROUTES).read_text())["routes"]
+        for each in route.get("routes", [])
+    ]
+    of_kind = {"host": "RobotSilent", "service": "ComponentCritical"}
+    asked = {name: any(of_kind[name] in str(each) for each in below) for name in of_kind}
+    assert asked == {name: name != kind for name in of_kind}
+    reason = f"has no {kind}_notification_options, and then Nagios notifies it of no {kind}"
+    assert any(reason in line for line in parts(folder)["For your information"])
+
+
 def test_links_of_hosts_and_services_are_those_of_the_robot(run):
     text = SITE.read_text()
     of_host = "notes_url http://wiki/amr1"
@@ -195,7 +214,9 @@ def test_links_of_hosts_and_services_are_those_of_the_robot(run):
     assert dict(amr2.links) == {motors: "https://10.0.0.2/motors"}
     found = parts(folder)
     (lost,) = (each for each in found["For your information"] if "_url" in each)
-    assert lost.startswith('host amr1: action_url /cgi/$HOSTNAME$: "/cgi/amr1" is not the URL of')
+    assert lost.startswith(
+        'host amr1: action_url /cgi/$HOSTNAME$: "/cgi/amr1" is no address of the web'
+    )
     assert sum("links[" in each for each in found["Translated"]) == 2
 
 
