@@ -27,11 +27,17 @@ def robot_name(discovery: Discovery, topic: str, domain_id: Domain) -> str | Non
 
 def takes(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
     """Whether a discovery wants a topic, or leaves its robot out by ``exclude``."""
+    wanted = robot_name(discovery, topic, domain_id) is not None
+    return wanted or leaves_out(discovery, topic, domain_id)
+
+
+def leaves_out(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
+    """Whether a discovery leaves the robot of a topic out by ``exclude``."""
     match = discovery.pattern.fullmatch(topic)
     if match is None or domain_id not in discovery.domain_ids:
         return False
     name = _fill(discovery.name, match.groupdict().get("robot") or "", domain_id)
-    return _is_excluded(discovery, name) or _is_included(discovery, name)
+    return _is_excluded(discovery, name)
 
 
 def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) -> Robot:

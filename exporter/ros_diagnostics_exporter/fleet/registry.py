@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.fleet.discovery import (
 )
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.newcomers import NewcomerRate
-from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch
+from ros_diagnostics_exporter.fleet.unclaimed import UnclaimedWatch, beside
 from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -241,7 +241,9 @@ class RobotRegistry:
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
         any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
         self._add_found(new, any_type, now)
-        self.unclaimed.update(domain_id, (each for each in new if each not in self.bindings))
+        # A topic beside the one that its robot was found by is that robot's.
+        others = (each for each in new if not any(of in self.bindings for of in beside(each)))
+        self.unclaimed.update(domain_id, others)
 
     def _add_found(self, arrays: Iterable[Topic], any_type: Iterable[Topic], now: Instant) -> None:
         """Add the robots of these topics, until as many are rejected as are known to be.

@@ -13,7 +13,7 @@ import yaml
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, topics_of
 from ros_diagnostics_exporter.config.robots import AGGREGATED, RAW_NAME
 from ros_diagnostics_exporter.config.scalars import MAX_NAME
-from ros_diagnostics_exporter.fleet.discovery import takes
+from ros_diagnostics_exporter.fleet.discovery import leaves_out, takes
 from ros_diagnostics_exporter.model import ZENOH, Domain, Topic, Unclaimed
 
 log = logging.getLogger(__name__)
@@ -32,16 +32,21 @@ class Claims:
         self._topics = {Topic(domain, name) for domain, topic in named for name in _both(topic)}
 
     def takes(self, topic: Topic) -> bool:
-        """Whether an entry takes a topic, or the aggregated or raw one beside it."""
+        """Whether an entry takes a topic, or leaves the robot out that has it."""
         return topic in self._topics or any(
-            takes(discovery, name, topic.domain_id)
+            takes(discovery, topic.name, topic.domain_id)
+            or any(leaves_out(discovery, name, topic.domain_id) for name in _both(topic.name))
             for discovery in self._discoveries
-            for name in _both(topic.name)
         )
 
 
+def beside(topic: Topic) -> list[Topic]:
+    """The aggregated and the raw topic of a robot by one of them."""
+    return [Topic(topic.domain_id, name) for name in _both(topic.name)]
+
+
 def _both(topic: str | None) -> Iterator[str]:
-    """A robot's aggregated and its raw topic by one of them."""
+    """The names of both."""
     if topic is not None:
         yield from filter(None, topics_of(topic, Source.AUTO))
 

@@ -41,18 +41,26 @@ def shipped() -> StateDriver:
 
 
 def test_a_robot_in_the_root_namespace_is_named_at_once_with_the_entry_to_paste(shipped, caplog):
-    publishing(shipped, "/diagnostics", "/diagnostics_agg", "/amr9/diagnostics", "/robot_1/x")
+    publishing(shipped, "/diagnostics", "/diagnostics_agg", "/robot_1/x")
     assert unclaimed(shipped) == [
         (0, ("/diagnostics", "/diagnostics_agg"), "{name: robot, domain_id: 0}"),
         (0, ("/robot_1/x",), "{name: robot_1, domain_id: 0, topic: /robot_1/x}"),
     ]
-    publishing(shipped, "/diagnostics", "/diagnostics_agg", "/amr9/diagnostics", "/robot_1/x")
+    publishing(shipped, "/diagnostics", "/diagnostics_agg", "/robot_1/x")
     add = "in domain 0; to monitor it, add to robots: -"
     assert [each.getMessage().partition("matches ")[2] for each in caplog.records] == [
         f"/diagnostics and /diagnostics_agg {add} {{name: robot, domain_id: 0}}",
         f"/robot_1/x {add} {{name: robot_1, domain_id: 0, topic: /robot_1/x}}",
     ]
     publishing(shipped)
+    assert unclaimed(shipped) == []
+
+
+def test_a_robot_without_the_aggregator_that_discovery_looks_for_is_named(shipped):
+    publishing(shipped, "/amr9/diagnostics")
+    entry = "{name: amr9, domain_id: 0, namespace: /amr9}"
+    assert unclaimed(shipped) == [(0, ("/amr9/diagnostics",), entry)]
+    publishing(shipped, "/amr9/diagnostics", "/amr9/diagnostics_agg")  # it is found by that
     assert unclaimed(shipped) == []
 
 
@@ -94,9 +102,10 @@ zenoh: {routers: [tcp/centre:7447]}
 @pytest.mark.parametrize(
     ("topic", "is_taken"),
     [
-        *[(f"/{each}/diagnostics", True) for each in ("a", "shared", "r1", "r_test", "site/z")],
+        *[(f"/{each}/diagnostics", True) for each in ("a", "shared", "r_test", "site/z")],
         *[(f"/{each}/diagnostics_agg", True) for each in ("a", "shared", "r1", "r_test", "site/z")],
-        *[(each, False) for each in ("/x/diagnostics", "/a/b/diagnostics", "/a/health")],
+        *[(f"/{each}", False) for each in ("x/diagnostics", "r1/diagnostics", "a/b/diagnostics")],
+        ("/a/health", False),
     ],
 )
 def test_what_an_entry_takes_or_excludes_or_has_beside_it_is_not_named(tmp_path, topic, is_taken):

@@ -215,7 +215,7 @@ def test_links_of_hosts_and_services_are_those_of_the_robot(run):
     found = parts(folder)
     (lost,) = (each for each in found["For your information"] if "_url" in each)
     assert lost.startswith(
-        'host amr1: action_url /cgi/$HOSTNAME$: "/cgi/amr1" is no address of the web'
+        'host amr1: action_url /cgi/$HOSTNAME$: "/cgi/amr1" is not the URL of a page'
     )
     assert sum("links[" in each for each in found["Translated"]) == 2
 
