@@ -100,7 +100,10 @@ class TopicEntry(Entry, title="Topic"):
         default=(),
     )
     every: PositiveDuration = described(
-        "The least time between two messages that are read.", example="5s", default=1.0
+        "The least time between two messages that are read. Half of the robot's `stale_after` if "
+        "that is less, so that the robot is not silent between the two.",
+        example="5s",
+        default=1.0,
     )
 
     @override

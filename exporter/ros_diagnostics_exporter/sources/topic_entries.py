@@ -69,10 +69,12 @@ class Reading(NamedTuple):
 class _Reader:
     """One entry of one robot; ``due`` is when a message is read again, monotonic."""
 
-    __slots__ = ("due", "entry", "robot", "unseen")
+    __slots__ = ("due", "entry", "every", "robot", "unseen")
 
-    def __init__(self, robot: str, entry: TopicEntry) -> None:
-        self.robot, self.entry, self.due = robot, entry, 0.0
+    def __init__(self, robot: Robot, entry: TopicEntry) -> None:
+        self.robot, self.entry, self.due = robot.name, entry, 0.0
+        # Of a robot without diagnostics it may be the only sign of life.
+        self.every = min(entry.every, robot.profile.stale_after / 2)
         self.unseen: float | None = None  # since when nobody publishes it, monotonic
 
 
@@ -84,7 +86,7 @@ class TopicEntries:
         for robot in robots:
             for entry in robot.profile.topics:
                 name = entry.name_in(robot.namespace, robot.zenoh or "")
-                self._readers.setdefault(name, []).append(_Reader(robot.name, entry))
+                self._readers.setdefault(name, []).append(_Reader(robot, entry))
 
     def robots(self, topic: str) -> Iterable[str]:
         """The robots that ask for a topic."""
@@ -160,7 +162,7 @@ class TopicEntries:
             return
         for each in due:
             # A look may come a little earlier than the one before.
-            each.due, each.unseen = now.mono + 0.9 * each.entry.every, None
+            each.due, each.unseen = now.mono + 0.9 * each.every, None
             try:
                 status = status_of(each.entry, message, known.constants)
             except NoFieldError as error:

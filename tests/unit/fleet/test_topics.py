@@ -399,3 +399,12 @@ def test_any_topic_of_a_namespace_finds_its_robot_once(tmp_path):
     assert list(driver.state.robots) == ["r"]
     assert driver.robot.settings.namespace == "/hall/r"
     assert dict(driver.state.rejected)["duplicate_robot"] == 0
+
+
+def test_a_topic_that_is_read_seldom_leaves_its_robot_no_less_received(tmp_path):
+    text = FLEET.replace("{percentage: Charge, voltage: Voltage}}", "{voltage: V}, every: 15s}")
+    driver = Driver(fleet=fleet_of(tmp_path, "source: none", text))
+    driver.nodes = ()
+    assert driver.robot.settings.profile.stale_after == 10
+    driver.go_on(120, battery_state=BatteryState(voltage=12.0))
+    assert [each.after for each in driver.events if each.kind == "robot"] == ["known", "received"]
