@@ -30,7 +30,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "extras", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "rejected_logins", "severity"),
-        ("event_texts", "silences"),
+        ("event_texts", "mission_numbers", "silences"),
         ("config",),
         ("decode",),
         ("sources",),
@@ -101,7 +101,7 @@ TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
     *("web", "model", "durations", "event_texts", "events", "files", "loops", "severity", "texts"),
-    "rejected_logins",
+    *("mission_numbers", "rejected_logins"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {

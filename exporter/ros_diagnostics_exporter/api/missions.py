@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.mission_numbers import work_of
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.missions import Action
 from ros_diagnostics_exporter.robots.robot import RobotState
@@ -39,7 +40,12 @@ def _missions(robot: RobotState, now: Instant) -> dict[str, Any] | None:
             "interventions": known.autonomy.interventions,
         }
     actions = [_action(each, now) for _name, each in sorted(known.actions.items())]
-    return {"robot": robot.settings.name, "actions": actions, **autonomy}
+    counted = {"since": known.since or None, "actions": actions, **autonomy}
+    return {
+        "robot": robot.settings.name,
+        **counted,
+        "numbers": work_of(counted).as_json(),
+    }
 
 
 def _action(action: Action, now: Instant) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class FleetMissions:
 
     def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> None:
         """Take the goals of an action of a robot."""
-        action = _missions(robot).action(name)
+        action = _missions(robot, now).action(name)
         if action is None:
             return
         before = action.goals.state
@@ -48,7 +48,7 @@ class FleetMissions:
 
     def follow_server(self, robot: RobotState, change: ServerChange, now: Instant) -> None:
         """Take that a server of a robot came, went or was restarted."""
-        action = _missions(robot).action(change.server.action)
+        action = _missions(robot, now).action(change.server.action)
         if action is None:
             return
         ends: list[GoalEnd] = []
@@ -60,7 +60,7 @@ class FleetMissions:
 
     def follow_mode(self, robot: RobotState, now: Instant) -> None:
         """Take whether a robot works by itself, as its components are now."""
-        mode, missions = self._faults.mode(robot), _missions(robot)
+        mode, missions = self._faults.mode(robot), _missions(robot, now)
         if mode == missions.mode:
             return
         if missions.set_mode(mode, now):
@@ -94,7 +94,7 @@ class FleetMissions:
         now: Instant,
     ) -> None:
         """Have these actions judged, and what changed served and written."""
-        missions, name = _missions(robot), robot.settings.name
+        missions, name = _missions(robot, now), robot.settings.name
         for action, end in ends:
             if action.is_mission:
                 self._note_end(robot, action, end, now)
@@ -106,7 +106,7 @@ class FleetMissions:
         self._write_at.setdefault(name, now.mono + SOON)
 
     def _note_end(self, robot: RobotState, action: Action, end: GoalEnd, now: Instant) -> None:
-        autonomy = _missions(robot).autonomy
+        autonomy = _missions(robot, now).autonomy
         if autonomy is not None:
             autonomy.note_end(end)
         if end.result == "aborted":
@@ -158,17 +158,17 @@ class FleetMissions:
             if row.key[0] in robots and row.fields is not None:
                 learned: Any = row.fields
                 robot = robots[row.key[0]]
-                missions = _missions(robot)
+                missions = _missions(robot, now)
                 missions.restore(MissionsLearned(**learned), now)
                 missions.schedule(now.mono)
                 robot.marks.note(Mark.GOALS)
 
 
-def _missions(robot: RobotState) -> Missions:
+def _missions(robot: RobotState, now: Instant) -> Missions:
     """Those of a robot, made where none of its actions was known."""
     if robot.missions is None:
         settings = robot.settings
-        robot.missions = Missions(settings.profile.actions, settings.namespace)
+        robot.missions = Missions(settings.profile.actions, settings.namespace, now.wall)
     return robot.missions
 
 

@@ -48,6 +48,7 @@ class MissionsLearned(NamedTuple):
 
     actions: Annotated[dict[_Text, ActionLearned], Field(max_length=MOST)]
     autonomy: AutonomyLearned | None = None
+    since: Moment = 0.0  # Unix time; 0: not known
 
 
 class Action:
@@ -207,8 +208,9 @@ class Action:
 class Missions:
     """The actions of one robot, by their names in its namespace."""
 
-    def __init__(self, rules: tuple[ActionRule, ...], namespace: str) -> None:
+    def __init__(self, rules: tuple[ActionRule, ...], namespace: str, since: float) -> None:
         self._rules, self._namespace = rules, namespace
+        self.since = since  # when counting began, Unix time
         self.actions: dict[str, Action] = {}
         self.autonomy: Autonomy | None = None  # where an entry says what its mode is
         self.mode: Mode = (None, None)  # as it was taken last
@@ -282,10 +284,11 @@ class Missions:
         """What a later process should know."""
         actions = {name: each.learned(now) for name, each in self.actions.items()}
         autonomy = None if self.autonomy is None else self.autonomy.learned(now)
-        return MissionsLearned(actions, autonomy)
+        return MissionsLearned(actions, autonomy, self.since)
 
     def restore(self, learned: MissionsLearned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
+        self.since = learned.since
         for name, each in learned.actions.items():
             if (action := self.action(name)) is not None:
                 action.restore(ActionLearned(*each), now)

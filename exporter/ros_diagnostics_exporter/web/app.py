@@ -39,6 +39,12 @@ from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
+from ros_diagnostics_exporter.web.mission_section import (
+    KINDS,
+    MOST_MOMENTS,
+    MissionSection,
+    mission_section,
+)
 from ros_diagnostics_exporter.web.pages import (
     EVENTS,
     Acting,
@@ -195,9 +201,19 @@ def _robot_page(
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         history = backend.why(name, None, None, ask=False)["entries"]
+        section = _missions(backend, name, snapshot.fleet["time"])
     except LookupError:
-        history = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, history, acting=acting)
+        history, section = [], None  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, history, missions=section, acting=acting)
+
+
+def _missions(backend: Backend, name: str, now: float) -> MissionSection | None:
+    found = backend.missions(name)
+    if not found["robots"]:
+        return None
+    wanted = (Wanted(kind=each, robot=name, limit=MOST_MOMENTS) for each in KINDS)
+    moments = [event for each in wanted for event in backend.find_events(each)]
+    return mission_section(found, moments, now)
 
 
 @dataclass(frozen=True)

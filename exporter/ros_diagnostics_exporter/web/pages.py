@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.mission_section import MissionSection
 from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
@@ -111,22 +112,23 @@ def robot_page(
     events: Iterable[dict[str, Any]],
     history: Iterable[dict[str, Any]] = (),
     *,
+    missions: MissionSection | None = None,
     acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms.
-
-    All texts in it are escaped.
+    ``history`` are the ``entries`` of /api/v1/why; with ``acting`` it has forms. What the section
+    of ``missions`` has is in neither of the lists below it. All texts in it are escaped.
     """
     robot = next((each for each in fleet["robots"] if each["robot"] == name), None)
     if robot is None:
         return None
     now = fleet["time"]
     problems, problem_number = shown_problems(robot, now, MAX_LISTED)
-    in_order = list(history)[-EVENTS:]
-    shown = {(each["time"], each["text"]) for each in in_order}
-    others = (each for each in events if (each["time"], one_line(event_text(each))) not in shown)
+    shown = {_line(each) for each in missions.moments} if missions else set()
+    in_order = [each for each in history if (each["time"], each["text"]) not in shown][-EVENTS:]
+    shown |= {(each["time"], each["text"]) for each in in_order}
+    others = (each for each in events if _line(each) not in shown)
     return _render(
         "robot.html",
         title=f"{name}: ROS diagnostics",
@@ -139,6 +141,7 @@ def robot_page(
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
+        missions=missions,
         history=in_order,
         components=_components(robot, problems),
         component_number=len(robot["components"]),
@@ -148,6 +151,11 @@ def robot_page(
         planned=robot["downtimes"],
         parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
+
+
+def _line(event: dict[str, Any]) -> tuple[float, str]:
+    """An event's time and text, as the history has them."""
+    return event["time"], one_line(event_text(event))
 
 
 def rejected(why: str) -> str:

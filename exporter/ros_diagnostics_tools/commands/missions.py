@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 from urllib.parse import urlencode
 
 import click
+from rich.console import Console
 from rich.text import Text
 
+from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts, work_of
 from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.aborted import aborted_texts
@@ -47,8 +49,9 @@ def _print(robots: list[dict[str, Any]], events: list[dict[str, Any]]) -> None:
         for action in each["actions"]:
             table.add_row(*_row(each["robot"], action))
     console.print(table)
+    _print_numbers(console, robots)
     texts = (text for _action, text in aborted_texts(events, WHEN))
-    for line in (*_autonomy(robots), *texts):
+    for line in texts:
         console.print(Text(one_line(line)))
 
 
@@ -72,8 +75,12 @@ def _chip(level: str | None) -> Text:
     return Text(f" {state} ", style=f"bold {on_it} on {colour}")
 
 
-def _autonomy(robots: Iterable[dict[str, Any]]) -> Iterator[str]:
-    for each in robots:
-        if "interventions" in each:
-            hours, number = each["autonomous_seconds"] / 3600, each["interventions"]
-            yield f"{each['robot']}: {number} interventions in {hours:.1f} h of autonomy"
+def _print_numbers(console: Console, robots: Iterable[dict[str, Any]]) -> None:
+    """The three numbers of each robot that has them."""
+    found = {each["robot"]: number_texts(work_of(each)) for each in robots}
+    table = make_table("Robot", *NUMBERS)
+    for robot, texts in found.items():
+        if texts:
+            table.add_row(*cells((robot, *(texts.get(name, "") for name in NUMBERS))))
+    if table.row_count:
+        console.print(table)

@@ -11,6 +11,7 @@ from schemathesis import GenerationMode
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Change, Reason, Scope, State
+from ros_diagnostics_exporter.mission_numbers import work_of
 from ros_diagnostics_exporter.notifications import parse
 from ros_diagnostics_exporter.robots.rejections import SilentReason
 from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
@@ -67,7 +68,9 @@ def _missions(robot: str | None) -> dict:
     autonomy = {"autonomous": None, "autonomous_seconds": 60.0, "interventions": 2}
     judged = {"level": "ERROR", "message": "aborted 1 of the last 4 goals"}
     actions = [{**action, **judged, "results": results}]
-    robots = [{"robot": robot or "a", "actions": actions, **autonomy}]
+    counted = {"actions": actions, **autonomy}
+    numbers = work_of(counted).as_json()
+    robots = [{"robot": robot or "a", "since": None, "numbers": numbers, **counted}]
     return {"fleet": "hall", "time": 1.0, "robots": robots}
 
 
