@@ -14,9 +14,10 @@ from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from typing import Any
 
+MOMENTS = ("goal", "intervention")  # in which a robot failed to do its work
 KINDS = (
     *("level", "condition", "fault_began", "fault_ended"),
-    *("notified", "acknowledged", "action", "robot", "graph", "config", "goal", "intervention"),
+    *("notified", "acknowledged", "action", "robot", "graph", "config", *MOMENTS),
 )
 # Of faults, and of what people did about them: no other event takes their place.
 OF_FAULTS = frozenset(("fault_began", "fault_ended", "notified", "acknowledged", "action"))

@@ -12,7 +12,7 @@ HOUR = 3_600.0
 NUMBERS = SUCCESS, PER_HOUR, BETWEEN = (
     "Success",
     "Interventions per hour",
-    "Hours between them",
+    "Hours between interventions",
 )
 
 

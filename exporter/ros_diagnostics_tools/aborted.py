@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from ros_diagnostics_exporter.events import MOMENTS
+
 MOST = 3  # problems that are named with an action
 
 
@@ -13,7 +15,7 @@ def aborted_texts(events: Iterable[dict[str, Any]], when: str) -> Iterator[tuple
     """What each sentence is about, an action or "", and the sentence; the most frequent first."""
     found: dict[str, list[dict[str, Any]]] = {}
     for event in events:
-        if event["kind"] in {"goal", "intervention"}:
+        if event["kind"] in MOMENTS:
             found.setdefault(event.get("component", ""), []).append(event)
     for action, each in sorted(found.items(), key=lambda pair: (-len(pair[1]), pair[0])):
         yield action, f"{_counted(action, len(each))} {when}{_while(each)}."

@@ -36,6 +36,11 @@ CAPABILITIES = {
     ("b", "lifting"): {"able": 300},
     ("", "transport"): {"able": 150, "lost": 60, "unknown": 90},
 }
+# Robot -> result -> goals of each slot of the last two days; `a` says when it works by itself.
+GOALS = {
+    "a": {"succeeded": 3, "aborted": 1, "cancelled": 1, "preempted": 5, "unknown": 1},
+    "b": {"succeeded": 2, "aborted": 0},
+}
 LABELS = {"scope": "component", "state": "critical", "severity": "critical", "robot": "a"}
 
 
@@ -68,7 +73,23 @@ def samples() -> str:
     types = "# TYPE {}:ros_diagnostics_part_seconds:sum5m gauge"
     records = [types.format("robot"), *robot, types.format("fleet"), *lines]
     records += [types.format("capability"), *able]
-    return "\n".join([*records, *families_of_the_week(), "# EOF\n"])
+    return "\n".join([*records, *work(), *families_of_the_week(), "# EOF\n"])
+
+
+def work() -> Iterator[str]:
+    """What robots did in the last two days, as rules record it."""
+    slots = range(END - 2 * DAY + SLOT, END + 1, SLOT)
+    name = "action:ros_diagnostics_goals:increase5m"
+    yield f"# TYPE {name} gauge"
+    for robot, results in GOALS.items():
+        for result, number in results.items():
+            labels = f'fleet="hall",robot="{robot}",action="go",result="{result}"'
+            yield from (f"{name}{{{labels}}} {number} {at}" for at in slots)
+    for name, number in (("interventions", 0.25), ("autonomous_seconds", 200)):
+        series = f"robot:ros_diagnostics_{name}:increase5m"
+        yield f"# TYPE {series} gauge"
+        labels = 'fleet="hall",robot="a"'
+        yield from (f"{series}{{{labels}}} {number} {at}" for at in slots)
 
 
 def families_of_the_week() -> Iterator[str]:
@@ -104,6 +125,10 @@ def log() -> list[dict[str, Any]]:
             {"time": at + 120.0 * (number + 1), "kind": "acknowledged", "author": "n", **since},
             {"time": at + 600.0, "kind": "fault_ended", "reason": "recovered", **since},
         ]
+    wrong = {"details": {"problems": [{"about": "Laser 1", "state": "STALE"}]}}
+    for at, details in ((END - DAY, wrong), (END - 100, {}), (END - 8 * DAY, wrong)):
+        of_goal = {"robot": "a", "component": "go", "after": "aborted"}
+        events.append({"time": float(at), "kind": "goal", **of_goal, **details})
     return [{"id": number, **each} for number, each in enumerate(events, 1)]
 
 
@@ -165,6 +190,10 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     assert found["capabilities"][0]["could"] == pytest.approx(2 / 3)
     assert found["week"]["lost_seconds"] == pytest.approx(2 * slots * 100, abs=100)
     assert found["week_before"]["lost_seconds"] == 0
+    assert [each["robot"] for each in found["missions"]] == ["a", "b"]
+    assert found["missions"][0]["success"] == 0.75
+    because = "2 goals of go were aborted this week: 1 of them while Laser 1 was STALE."
+    assert found["because"] == [because]
     [part] = found["worst_parts"]
     assert (part["robot"], part["times"], part["seconds"]) == ("a", 2, 1_320.0)
 
@@ -177,6 +206,10 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     share = f"{found['week']['availability'] * 100:.2f} %"
     assert f"Availability: {share}" in sent.text
     assert f"<td>{share}</td>" in sent.html
+    goals = round(slots * 2 * (3 + 1 + 2))
+    assert f"Missions: Success: 83 % of {goals} goals; " in sent.text
+    for shown_in in (sent.text, sent.html):
+        assert because in shown_in
     file = site.folder / "report.html"
     assert main(["report", "--week", *flags, "--file", str(file)]) == 0
     assert file.read_text().split() == sent.html.split()
@@ -236,6 +269,28 @@ def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exp
         assert could[each["robot"], each["capability"], "able"] == pytest.approx(each["could"])
     titles = {title for title, _ref in shown if not title.startswith("$")}
     assert len(titles) == 12  # with the banner's two: none is left out above
+
+
+def test_the_numbers_of_missions_are_those_of_the_dashboard(prometheus, exporter, capsys):
+    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
+    flags += ["--prometheus", f"http://{prometheus.address}"]
+    assert main(["report", "--week", "--output", "json", *flags]) == 0
+    found = json.loads(capsys.readouterr().out)["week"]["missions"]
+    chosen = {"fleet": "hall", "__range": "7d"}
+
+    for title, name in (
+        ("Success", "success"),
+        ("Unknown", "unknown"),
+        ("Interventions per hour", "interventions_per_hour"),
+        ("Hours between interventions", "hours_between_interventions"),
+    ):
+        (expr,) = (
+            each.expr
+            for each in queries()
+            if (each.board, each.place, each.ref) == ("ros-diagnostics-missions", title, "A")
+        )
+        (shown,) = prometheus.query(filled(expr, chosen), END)
+        assert found[name] == pytest.approx(shown.value, abs=0.0001), title
 
 
 def nearly(expected: object) -> object:

@@ -51,7 +51,7 @@ def test_each_number_is_written_with_what_it_is_of():
     assert number_texts(MORNING._replace(interventions=2, autonomous=4.14 * 3600)) == {
         "Success": "80 % of 20 goals; 2 of 24 goals unknown",
         "Interventions per hour": "0.48 (2 in 4.1 h of autonomy)",
-        "Hours between them": "2.1",
+        "Hours between interventions": "2.1",
     }
 
 
@@ -59,7 +59,7 @@ def test_numbers_that_do_not_apply_are_left_out():
     assert number_texts(Work({"preempted": 1})) == {}
     assert number_texts(Work({}, 0, 3600.0)) == {
         "Interventions per hour": "0 (0 in 1 h of autonomy)",
-        "Hours between them": "-",
+        "Hours between interventions": "-",
     }
 
 

@@ -25,7 +25,7 @@ from starlette.responses import (
 from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.events import Wanted
+from ros_diagnostics_exporter.events import MOMENTS, Wanted
 from ros_diagnostics_exporter.web.actions import Actions
 from ros_diagnostics_exporter.web.api import (
     SNAPSHOT_AGE,
@@ -40,7 +40,6 @@ from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
 from ros_diagnostics_exporter.web.mission_section import (
-    KINDS,
     MOST_MOMENTS,
     MissionSection,
     mission_section,
@@ -211,7 +210,7 @@ def _missions(backend: Backend, name: str, now: float) -> MissionSection | None:
     found = backend.missions(name)
     if not found["robots"]:
         return None
-    wanted = (Wanted(kind=each, robot=name, limit=MOST_MOMENTS) for each in KINDS)
+    wanted = (Wanted(kind=each, robot=name, limit=MOST_MOMENTS) for each in MOMENTS)
     moments = [event for each in wanted for event in backend.find_events(each)]
     return mission_section(found, moments, now)
 

@@ -9,7 +9,6 @@ from ros_diagnostics_exporter.mission_numbers import Work, number_texts, success
 from ros_diagnostics_exporter.severity import clock, span
 
 MOST_MOMENTS = 5  # aborted goals and interventions that are shown, the newest ones
-KINDS = ("goal", "intervention")  # of the events that are such a moment
 
 
 class MissionSection(NamedTuple):
@@ -18,7 +17,7 @@ class MissionSection(NamedTuple):
     Attributes:
         numbers: Words by the name of the number.
         actions: Words by the action, of those whose goals were seen.
-        moments: Events of `KINDS`, the newest first.
+        moments: Events of `MOMENTS`, the newest first.
     """
 
     numbers: dict[str, str]
@@ -33,7 +32,7 @@ def mission_section(
 
     Args:
         missions: The answer of /api/v1/missions that is about this robot alone.
-        events: The robot's events of `KINDS`, in any order.
+        events: The robot's events of `MOMENTS`, in any order.
         now: Unix time.
     """
     for robot in missions["robots"]:

@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 from rich.text import Text
 
+from ros_diagnostics_exporter.events import MOMENTS
 from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts, work_of
 from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
 from ros_diagnostics_exporter.texts import one_line
@@ -29,9 +30,7 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
     wanted = {} if robot is None else {"robot": robot}
     found = servers.exporter.get(f"/api/v1/missions?{urlencode(wanted)}".rstrip("?"))
     events = [
-        event
-        for kind in ("goal", "intervention")
-        for event in servers.exporter.events(SINCE, kind=kind, **wanted)
+        event for kind in MOMENTS for event in servers.exporter.events(SINCE, kind=kind, **wanted)
     ]
     if output == "json":
         print_json({**found, "aborted": events})

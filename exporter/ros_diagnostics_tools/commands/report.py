@@ -14,6 +14,7 @@ import click
 
 from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
+from ros_diagnostics_exporter.events import MOMENTS
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.report.availability import DAY, Recorded
@@ -73,9 +74,9 @@ def command(
     smtp: tuple[str, int],
     output: str,
 ) -> None:
-    """Report a week of the fleet beside the week before: availability, faults, notifications.
+    """Report a week of the fleet beside the week before: availability, missions, faults.
 
-    Availability is what Prometheus recorded; all else is of the exporter's event log.
+    Availability and missions are what Prometheus recorded; all else is of the event log.
     """
     if mail_to and not mail_from:
         raise click.UsageError("--mail-to needs --mail-from")
@@ -108,6 +109,8 @@ def _ask(servers: Servers, prometheus: Client, until: datetime, target: float) -
         raise UnreachableError(f"{exporter.url} is not a ROS diagnostics exporter")
     since = str(end - 2 * DAYS * DAY - BEFORE)
     events = [each for kind in KINDS for each in exporter.events(since, kind=kind)]
+    week = str(end - DAYS * DAY)
+    moments = [each for kind in MOMENTS for each in exporter.events(week, kind=kind)]
     recorded = Recorded(prometheus, lasting["fleet"])
     faults = known(occurrences(events), lasting["faults"])
-    return numbers(recorded, faults, (end, lasting["events_since"]), target)
+    return numbers(recorded, faults, (end, lasting["events_since"]), target, moments)

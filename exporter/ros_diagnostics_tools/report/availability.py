@@ -78,18 +78,27 @@ class Recorded:
     def _seconds(
         self, record: str, by: tuple[str, ...], end: float, days: int
     ) -> dict[tuple[str, ...], dict[str, float]]:
-        """The seconds of each part, by these labels.
+        """The seconds of each part, by these labels."""
+        series = f"{record}:ros_diagnostics_part_seconds:sum5m"
+        seconds: dict[tuple[str, ...], dict[str, float]] = {}
+        for (*key, part), number in self.sums(series, (*by, "part"), end, days).items():
+            seconds.setdefault(tuple(key), {})[part] = number
+        return seconds
+
+    def sums(
+        self, series: str, by: tuple[str, ...], end: float, days: int
+    ) -> dict[tuple[str, ...], float]:
+        """What a series of the fleet adds up to in the ``days`` until ``end``, by these labels.
 
         Raises:
             UnreachableError: Prometheus does not answer, or it is none.
         """
-        series = f'{record}:ros_diagnostics_part_seconds:sum5m{{fleet="{escape(self.fleet)}"}}'
-        expr = f"sum by ({', '.join((*by, 'part'))}) (sum_over_time({series}[{days}d]))"
-        seconds: dict[tuple[str, ...], dict[str, float]] = {}
-        for labels, number in self._samples(expr, end):
-            key = tuple(labels.get(name, "") for name in by)
-            seconds.setdefault(key, {})[labels.get("part", "")] = number
-        return seconds
+        of_fleet = f'{series}{{fleet="{escape(self.fleet)}"}}'
+        expr = f"sum by ({', '.join(by)}) (sum_over_time({of_fleet}[{days}d]))"
+        return {
+            tuple(labels.get(name, "") for name in by): number
+            for labels, number in self._samples(expr, end)
+        }
 
     def _samples(self, expr: str, end: float) -> Iterable[tuple[dict[str, str], float]]:
         query = urlencode({"query": expr, "time": f"{end:.3f}"})

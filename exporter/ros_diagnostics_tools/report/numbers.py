@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from ros_diagnostics_exporter.api.week import local, week
 from ros_diagnostics_exporter.texts import natural
+from ros_diagnostics_tools.report import missions
 from ros_diagnostics_tools.report.availability import DAY, Availability, Recorded
 
 DAYS = 7
@@ -17,6 +19,7 @@ def numbers(
     faults: list[dict[str, Any]],
     times: tuple[float, float | None],
     target: float,
+    moments: Iterable[dict[str, Any]] = (),
 ) -> dict[str, Any]:
     """The report of the week until ``times[0]``, beside the week before.
 
@@ -25,12 +28,14 @@ def numbers(
         faults: Each fault of both weeks.
         times: The end of the week, and from when on the event log is known (Unix time).
         target: The availability that is aimed at, 0..1.
+        moments: The events of aborted goals and of interventions.
     """
     end, known_since = times
     ends = [end - DAY * back for back in reversed(range(DAYS))]
     by_day = [recorded.of_robots(each, 1) for each in ends]
     robots = sorted(recorded.of_robots(end, DAYS).items(), key=_worst_first)
     of_log = week(faults, end)
+    works = missions.works(recorded, end, DAYS)
     return {
         "fleet": recorded.fleet,
         "begin": end - DAYS * DAY,
@@ -38,8 +43,9 @@ def numbers(
         "time_zone": local(end).strftime("%Z (UTC%z)"),
         "events_since": known_since,
         "target": target,
-        "week": _week(recorded, faults, end, target),
-        "week_before": _week(recorded, faults, end - DAYS * DAY, target),
+        "week": _week(recorded, faults, end, target) | {"missions": missions.of_fleet(works)},
+        "week_before": _week(recorded, faults, end - DAYS * DAY, target)
+        | {"missions": missions.of_fleet(missions.works(recorded, end - DAYS * DAY, DAYS))},
         "day_begins": f"{local(end):%H:%M}",
         "days": [f"{local(each - DAY):%a %d %b}" for each in ends],
         "robots": [
@@ -53,6 +59,8 @@ def numbers(
         "capabilities": _lost(recorded, end)[:MOST],
         "worst_parts": [each._asdict() for each in of_log.worst_parts],
         "nights": of_log.nights,
+        "missions": missions.of_robots(works),
+        "because": missions.because(moments, end - DAYS * DAY, end),
     }
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime, timezone
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts
 from ros_diagnostics_exporter.severity import span
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.report.missions import work_of
 
 # Colour of an availability and of a text on it, from the best; read with the number in it.
 _SHADES = (
@@ -23,14 +26,22 @@ _NONE = "#FFFFFF", "#59636E"
 def page(report: dict[str, Any]) -> str:
     """The report's numbers as HTML; all texts of robots are escaped."""
     return _ENVIRONMENT.get_template("report.html").render(
-        title=subject_line(report), rows=summary(report), report=report
+        title=subject_line(report),
+        rows=summary(report),
+        report=report,
+        numbers=NUMBERS,
+        missions=[
+            (each["robot"], texts)
+            for each in report["missions"]
+            if (texts := number_texts(work_of(each)))
+        ],
     )
 
 
 def text(report: dict[str, Any]) -> str:
     """The summary as text, for a reader of mails that shows no HTML."""
     lines = [f"{name}: {now} (week before: {before})" for name, now, before in summary(report)]
-    return "\n".join([subject_line(report), "", *lines]) + "\n"
+    return "\n".join([subject_line(report), "", *lines, *report["because"]]) + "\n"
 
 
 def subject_line(report: dict[str, Any]) -> str:
@@ -51,7 +62,17 @@ def summary(report: dict[str, Any]) -> list[tuple[str, str, str]]:
         "Notifications": [str(week["notifications"]) for week in weeks],
         "Capabilities lost, of all robots": [span(week["lost_seconds"]) for week in weeks],
     }
-    return [(name, now, before) for name, (now, before) in shown.items()]
+    return [(name, now, before) for name, (now, before) in (shown | _work(weeks)).items()]
+
+
+def _work(weeks: Iterable[dict[str, Any]]) -> dict[str, list[str]]:
+    """The numbers of missions in both weeks; those that neither has are left out."""
+    texts = [number_texts(work_of(week["missions"])) if week["missions"] else {} for week in weeks]
+    return {
+        f"Missions: {name}": [each.get(name, "-") for each in texts]
+        for name in NUMBERS
+        if any(name in each for each in texts)
+    }
 
 
 def percent(share: float | None) -> str:

@@ -23,14 +23,16 @@ def mission(tmp_path):
 def ask(serve, capsys):
     """What the command prints of a driver's state."""
 
-    def run(driver: StateDriver, *arguments: str, expected: int = 0) -> str:
+    def run(
+        driver: StateDriver, *arguments: str, command: str = "missions", expected: int = 0
+    ) -> str:
         assert driver.events is not None  # they are in the log now
         server = serve(
             missions=lambda name: missions(driver.state, name, driver.now),
             find_events=lambda wanted: driver.log.find(replace(wanted, since=None)),
         )
         url = f"http://{server.addresses[0]}"
-        assert main(["missions", *arguments, "--url", url]) == expected
+        assert main([command, *arguments, "--url", url]) == expected
         printed = capsys.readouterr()
         return printed.out + printed.err
 
@@ -73,7 +75,22 @@ def test_it_says_how_often_somebody_had_to_help(mission, ask):
     drive(mission, "manual")
 
     text = " ".join(ask(mission.driver).split())
-    assert "Robot Success Interventions per hour Hours between them r 10 (1 in 0.1 h of" in text
+    assert (
+        "Robot Success Interventions per hour Hours between interventions r 10 (1 in 0.1 h of"
+        in text
+    )
+
+
+def test_the_history_has_each_aborted_goal_and_intervention_with_what_was_wrong(mission, ask):
+    drive(mission, "auto")
+    mission.begin(GOTO)
+    drive(mission, "auto", pressed="true")
+    mission.driver.stand(2, LASER._replace(level=ERROR))
+    mission.end(GOTO, ABORTED)
+    text = " ".join(ask(mission.driver, "r", command="history").split())
+
+    assert "intervention: nothing else was wrong" in text
+    assert "a goal of navigate_to_pose was aborted: while Laser 1 was CRITICAL" in text
 
 
 def test_without_actions_it_says_so(ask):

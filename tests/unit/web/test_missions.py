@@ -54,7 +54,7 @@ def test_a_robots_page_has_the_three_numbers_each_with_what_it_is_of(mission, pa
 
     found = section(page(mission.driver))
     assert "67 % of 3 goals Interventions per hour 0.5 (1 in 2.0 h of autonomy)" in found
-    assert "Hours between them 2.0 Counted since 2023-11-14 22:" in found
+    assert "Hours between interventions 2.0 Counted since 2023-11-14 22:" in found
 
 
 def test_it_has_what_runs_and_what_was_wrong_when_goals_were_aborted(mission, page):

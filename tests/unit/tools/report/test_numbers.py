@@ -46,8 +46,8 @@ def prometheus():
     return PlayedPrometheus()
 
 
-def report(prometheus, fleet="hall"):
-    return numbers(Recorded(prometheus, fleet), [], (END, None), 0.99)
+def report(prometheus, fleet="hall", moments=()):
+    return numbers(Recorded(prometheus, fleet), [], (END, None), 0.99, moments)
 
 
 def part(name, **labels):
@@ -123,3 +123,62 @@ def test_the_capability_that_was_lost_for_longest_is_first(prometheus):
     assert [each["capability"] for each in found["capabilities"]] == ["drive", "sort", "lift"]
     assert found["capabilities"][-1]["could"] == 0.6
     assert found["week"]["lost_seconds"] == 660.0  # of robots; the fleet lost it with one of them
+
+
+GOALS = "action:ros_diagnostics_goals"
+INTERVENTIONS = "robot:ros_diagnostics_interventions"
+AUTONOMOUS = "robot:ros_diagnostics_autonomous_seconds"
+
+
+def goals(robot, **results):
+    return [({"robot": robot, "result": each}, number) for each, number in results.items()]
+
+
+def test_a_fleet_without_goals_and_modes_has_no_missions(prometheus):
+    found = report(prometheus)
+
+    assert (found["missions"], found["because"]) == ([], [])
+    assert found["week"]["missions"] is None
+
+
+def test_the_robot_that_reached_the_fewest_of_its_goals_is_first(prometheus):
+    prometheus.has(
+        GOALS,
+        7,
+        END,
+        [
+            *goals("r1", succeeded=9.0, aborted=1.0, preempted=4.0),
+            *goals("r2", succeeded=4.0, aborted=4.0, unknown=2.0),
+        ],
+    )
+    prometheus.has(INTERVENTIONS, 7, END, [({"robot": "r3"}, 2.0), ({"robot": "r1"}, 1.0)])
+    prometheus.has(AUTONOMOUS, 7, END, [({"robot": "r3"}, 7_200.0), ({"robot": "r1"}, 36_000.0)])
+    found = report(prometheus)["missions"]
+
+    assert [each["robot"] for each in found] == ["r2", "r1", "r3"]
+    assert [each["success"] for each in found] == [0.5, 0.9, None]
+    assert found[0]["unknown"] == 0.2
+    assert [each["interventions_per_hour"] for each in found] == [None, 0.1, 1.0]
+
+
+def test_the_missions_of_the_fleet_are_beside_those_of_the_week_before(prometheus):
+    prometheus.has(GOALS, 7, END, goals("r1", succeeded=3.0) + goals("r2", aborted=1.0))
+    prometheus.has(GOALS, 7, END - WEEK, goals("r1", succeeded=1.0))
+    found = report(prometheus)
+
+    assert found["week"]["missions"]["success"] == 0.75
+    assert found["week"]["missions"]["interventions"] is None
+    assert found["week_before"]["missions"]["success"] == 1.0
+
+
+def aborted(time, about="Laser 1"):
+    details = {"details": {"problems": [{"about": about, "state": "STALE"}]}} if about else {}
+    return {"time": time, "kind": "goal", "component": "dock", "after": "aborted", **details}
+
+
+def test_it_says_what_was_wrong_when_goals_of_the_week_were_aborted(prometheus):
+    moments = [aborted(END - 60.0), aborted(END - 50.0), aborted(END - 40.0, "")]
+    moments += [aborted(END - WEEK - 1), aborted(END + 1)]
+    (text,) = report(prometheus, moments=moments)["because"]
+
+    assert text == "3 goals of dock were aborted this week: 2 of them while Laser 1 was STALE."

@@ -15,6 +15,12 @@ WEEK = {
     "to_recover": {"number": 0, "median": None, "longest": None},
     "notifications": 9,
     "lost_seconds": 7_300.0,
+    "missions": None,
+}
+WORK = {
+    "results": {"succeeded": 15.9, "aborted": 4.1, "unknown": 2.0, "preempted": 3.0},
+    "interventions": 2.0,
+    "autonomous_seconds": 36_000.0,
 }
 EVIL = "<script>alert(1)</script>"
 REPORT = {
@@ -35,6 +41,8 @@ REPORT = {
     ],
     "worst_parts": [{"robot": "r", "part": EVIL, "times": 3, "seconds": 7_200.0}],
     "nights": {"1970-01-01": 2},
+    "missions": [],
+    "because": [],
 }
 
 
@@ -49,6 +57,35 @@ def test_the_summary_has_both_weeks_and_each_time_its_count():
         ("Capabilities lost, of all robots", "2 h", "2 h"),
     ]
     assert "Critical faults: 4 (week before: 5)" in text(REPORT)
+
+
+WITH_MISSIONS = REPORT | {
+    "week": WEEK | {"missions": WORK},
+    "missions": [{"robot": EVIL, **WORK}, {"robot": "idle", **WORK, "results": {}}],
+    "because": [f"3 goals of {EVIL} were aborted this week."],
+}
+
+
+def test_the_numbers_of_missions_are_in_the_summary_beside_the_week_before():
+    assert summary(WITH_MISSIONS)[7:] == [
+        ("Missions: Success", "80 % of 20 goals; 2 of 22 goals unknown", "-"),
+        ("Missions: Interventions per hour", "0.2 (2 in 10 h of autonomy)", "-"),
+        ("Missions: Hours between interventions", "5", "-"),
+    ]
+    assert text(WITH_MISSIONS).endswith(f"\n3 goals of {EVIL} were aborted this week.\n")
+
+
+def test_the_page_has_the_missions_of_each_robot_that_has_any():
+    nothing = {"results": {"preempted": 1.0}, "interventions": None, "autonomous_seconds": None}
+    found = WITH_MISSIONS["missions"] + [{"robot": "parked", **nothing}]
+    html = page(WITH_MISSIONS | {"missions": found})
+
+    assert "<td>80 % of 20 goals; 2 of 22 goals unknown</td>" in html
+    assert "<th scope=row>idle</th><td>-</td><td>0.2 (2 in 10 h of autonomy)</td>" in html
+    assert "parked" not in html
+    assert html.count("&lt;script&gt;") == 6
+    assert "<p>3 goals of &lt;script&gt;" in html
+    assert "Missions" not in page(REPORT)
 
 
 def test_a_budget_that_is_missed_by_seconds_is_0():
