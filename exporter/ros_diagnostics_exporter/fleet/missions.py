@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.robots.updates import query_of
 from ros_diagnostics_exporter.severity import problem_state, subject
 from ros_diagnostics_exporter.sources.action_servers import ServerChange
 
-SOON = 10.0  # seconds after a change until it is written
+SOON = 10.0  # seconds after a change until it is written, unless a level changed
 MOST_EVENTS, MINUTE = 10, 60.0  # of one robot in so many seconds; of more there are only counts
 MOST_NAMED = 5  # problems of a robot that are named with an event
 
@@ -98,12 +98,14 @@ class FleetMissions:
         for action, end in ends:
             if action.is_mission:
                 self._note_end(robot, action, end, now)
-        statuses = missions.take_statuses(actions, now)
+        statuses, is_turned = missions.take_statuses(actions, now)
         if statuses:
             robot.measure(ACTIONS, statuses, now)
         missions.schedule(now.mono)
         robot.marks.note(Mark.GOALS)
-        self._write_at.setdefault(name, now.mono + SOON)
+        # Its row is written with the fault's: a process that is killed must not end that.
+        write_at = now.mono if is_turned else now.mono + SOON
+        self._write_at[name] = min(self._write_at.get(name, write_at), write_at)
 
     def _note_end(self, robot: RobotState, action: Action, end: GoalEnd, now: Instant) -> None:
         autonomy = _missions(robot, now).autonomy

@@ -74,6 +74,11 @@ class Action:
         """Whether how its goals end says whether the robot does its work."""
         return self.rule is not None and not self.rule.ignore_result
 
+    @property
+    def level(self) -> int:
+        """As it was reported last; OK before that."""
+        return Level.OK if self.status is None else self.status.level
+
     def see(self, goals: Iterable[Goal], now: Instant) -> list[GoalEnd]:
         """Take a list of its server; what ended by it."""
         self.clock.set(running=True, mono=now.mono)
@@ -251,15 +256,17 @@ class Missions:
             self.autonomy.advance(now.mono)
         return [(each, end) for each in self.actions.values() for end in each.tick(now)]
 
-    def take_statuses(self, actions: Iterable[Action], now: Instant) -> list[Status]:
-        """The statuses of these actions that are others than before."""
-        found = []
+    def take_statuses(self, actions: Iterable[Action], now: Instant) -> tuple[list[Status], bool]:
+        """The statuses of these actions that are others than before, and if a level is another."""
+        found, is_turned = list[Status](), False
         for each in actions:
+            before = each.level
             status = each.take_status(now)
             each.schedule(now.mono)
             if status is not None:
                 found.append(status)
-        return found
+                is_turned |= status.level != before
+        return found, is_turned
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""

@@ -166,6 +166,27 @@ def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, t
     assert again.faults == set()
 
 
+def test_an_exporter_that_is_killed_ends_no_fault_and_begins_none_again(tmp_path):
+    path = tmp_path / "x.db"
+    mission = Mission.of(tmp_path, FLEET + "    confirm_after: 2s\n")
+    mission.driver.keep(path)
+    mission.run(DOCK, ABORTED)
+    mission.stand(3)
+    mission.driver.save()
+    assert mission.faults == {DOCK}
+
+    again = Mission(mission.driver.state.fleet, mission.driver.restart(path))
+    again.stand(20)
+    assert again.faults == {DOCK}
+    again.run(DOCK, SUCCEEDED)
+    assert again.faults == set()
+    again.driver.save()
+
+    last = Mission(mission.driver.state.fleet, again.driver.restart(path))
+    last.stand(20)
+    assert last.faults == set()
+
+
 def test_after_a_restart_a_goal_whose_robot_does_not_return_is_unknown(mission, tmp_path):
     mission.begin(GOTO)
     driver = mission.driver.again(tmp_path / "x.db")
