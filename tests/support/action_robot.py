@@ -21,11 +21,17 @@ RESULT_TIMEOUT = 10  # seconds for which a server keeps what ended, as by defaul
 
 
 class ActionRobot:
-    """The process, as a test has it."""
+    """The process, as a test has it; ``before`` are words before its command."""
 
-    def __init__(self, namespace: str, *actions: str, environment: dict[str, str]) -> None:
+    def __init__(
+        self,
+        namespace: str,
+        *actions: str,
+        environment: dict[str, str],
+        before: tuple[str, ...] = (),
+    ) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, __file__, namespace, *actions],
+            [*before, sys.executable, __file__, namespace, *actions],
             env={**os.environ, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -40,6 +40,7 @@ from ros_diagnostics_exporter.severity import (
 from ros_diagnostics_exporter.texts import natural, one_line
 from ros_diagnostics_exporter.web.mission_section import MissionSection
 from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
+from ros_diagnostics_exporter.web.search import MAX_FOUND, find, find_components
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all
@@ -55,12 +56,15 @@ def landing(
 ) -> str:
     """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped.
 
-    With a ``query`` only the robots and problems that have this text in them, in any case; with
-    ``acts`` its problems link the forms of their pages.
+    With a ``query`` only the robots, problems and components that have this text in them, in any
+    case, and counts of these; with ``acts`` its problems link the forms of their pages.
     """
     now = fleet["time"]
+    components = find_components(fleet, query) if query else []
+    fleet = find(fleet, query) if query else fleet
     count = Counter(map(state_of, fleet["robots"]))
-    fleet = _found(fleet, query.casefold()) if query else fleet
+    always = "" if query else "OK"  # what a search has not found is not counted
+    counts = {each: count[each] for each in SEVERITIES if count[each] or each == always}
     robots = [(state_of(robot), robot) for robot in fleet["robots"]]
     troubled = [each for each in robots if each[1]["problems"] or SEVERITIES[each[0]] > 0]
     troubled.sort(key=_worst_first)
@@ -73,10 +77,12 @@ def landing(
         acts=acts,
         version=__version__,
         telemetry_path=telemetry_path,
-        counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
+        counts=counts,
         unclaimed=[] if query else unclaimed_texts(fleet),
         queries=[query_text(each) for each in fleet.get("queries", ()) if each["error"]],
         capabilities=[] if query else _of_fleet(fleet),
+        components=components[:MAX_FOUND],
+        component_number=len(components),
         common=common,
         common_number=common_number,
         troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
@@ -85,25 +91,6 @@ def landing(
             ((state, robot["robot"]) for state, robot in robots), key=lambda each: natural(each[1])
         ),
     )
-
-
-def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
-    """The fleet with only the robots, and the problems of many, that have ``text`` in them."""
-
-    def has(owner: dict[str, Any], *names: object) -> bool:
-        shown, _ = shown_problems(owner, fleet["time"], MAX_LISTED)
-        words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
-        return any(text in str(each).casefold() for each in words)
-
-    return {
-        **fleet,
-        "robots": [
-            robot
-            for robot in fleet["robots"]
-            if has(robot, robot["robot"], *robot["labels"].values())
-        ],
-        "problems": [each for each in fleet["problems"] if has({**fleet, "problems": [each]})],
-    }
 
 
 def robot_page(
