@@ -177,11 +177,11 @@ def acknowledge(
 def plan_downtime(
     alertmanager: Alertmanager,
     fleet: str,
-    downtime: tuple[str, str, float],
+    downtime: tuple[str, str, float, float],
     person: Person,
     now: float,
 ) -> Event:
-    """Plan a ``downtime``: a robot, its component ("" for all), and for how many seconds from now.
+    """Plan a ``downtime``: a robot, its component ("" for all), its begin and its seconds.
 
     Returns what was done, as an event.
 
@@ -189,17 +189,19 @@ def plan_downtime(
         LookupError: One that is planned already covers it.
         UnreachableError: No Alertmanager answers.
     """
-    robot, component, seconds = downtime
+    robot, component, begin, seconds = downtime
+    end = begin + seconds
     for each in alertmanager.silences(fleet):
         known = downtime_of(each, fleet)
         if known is None or known[:2] not in {(robot, ""), (robot, component)}:
             continue
-        if known.start <= now and known.end >= now + seconds:
+        if known.start <= begin and known.end >= end:
             raise LookupError(f"a downtime of {known.author} covers it already")
-    begin, end = (datetime.fromtimestamp(each, timezone.utc) for each in (now, now + seconds))
+    first, last = (datetime.fromtimestamp(each, timezone.utc) for each in (begin, end))
     matchers = downtime_matchers(fleet, robot, component)
-    alertmanager.add(plain_silence(matchers, begin, end, *_words(person)))
-    until = f"until {clock(now + seconds, now, local=False)}: "
+    alertmanager.add(plain_silence(matchers, first, last, *_words(person)))
+    ahead = f"from {clock(begin, now, local=False)} " if begin > now else ""
+    until = f"{ahead}until {clock(end, now, local=False)}: "
     return _action(now, "downtime", until, person, robot=robot, component=component)
 
 

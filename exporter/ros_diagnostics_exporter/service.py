@@ -424,14 +424,16 @@ class Service:
             raise LookupError("it has ended, or there was never one of this id")
         self._act(acknowledge, lasting[fault], person)
 
-    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
-        """Plan a downtime from now on, as Backend says."""
+    def plan_downtime(
+        self, robot: str, component: str, begin: float, seconds: float, person: Person
+    ) -> None:
+        """Plan a downtime, as Backend says."""
         known = self.state.components_of(robot)
         if known is None:
             raise LookupError(f"there is no robot {robot!r:.60}")
         if component and component not in known:
             raise LookupError(f"{robot} has no component {component!r:.60}")
-        self._act(plan_downtime, (robot, component, seconds), person)
+        self._act(plan_downtime, (robot, component, begin, seconds), person)
 
     def cancel_downtime(self, robot: str, component: str, until: float, person: Person) -> None:
         """End a downtime that a person planned, as Backend says."""

@@ -309,6 +309,18 @@ def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) ->
     ]
 
 
+def ahead_texts(robot: dict[str, Any], now: float) -> list[str]:
+    """The downtimes that lie ahead of a robot and of its components, each as a text."""
+    texts = []
+    for each in robot["downtimes_ahead"]:
+        begin, end = (
+            clock(each[key], now, local=False, seconds=False) for key in ("from", "until")
+        )
+        of = f"{each['component']}: " if each["component"] else ""
+        texts.append(f"{of}downtime from {begin} until {end} ({each['author']}: {each['comment']})")
+    return texts
+
+
 def notice(problem: dict[str, Any], now: float) -> str:
     """Who takes care of a problem, which receivers were notified of it, and when the last of them.
 

@@ -94,6 +94,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "maintenance_until": None,
         "capabilities_text": "",
         "downtimes": [],
+        "downtimes_ahead": [],
         "problems": [],
         "capabilities": [],
         "short_checks": [],
@@ -105,7 +106,8 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
 
 def downtime(component: str = "", **changed: Any) -> dict[str, Any]:
     """A downtime that ann planned until 20:00 UTC, as /api/v1/fleet shows it."""
-    known = {"component": component, "until": 72_000.0, "author": "ann", "comment": "new gears"}
+    times = {"from": 0.0, "until": 72_000.0}
+    known = {"component": component, **times, "author": "ann", "comment": "new gears"}
     return {**known, **changed}
 
 

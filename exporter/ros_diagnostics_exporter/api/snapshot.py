@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.fleet.capabilities import capabilities_text
 from ros_diagnostics_exporter.fleet.state import FleetState
-from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.model import Downtime, Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import maintenance_until
@@ -199,22 +199,24 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
 
 
 def _maintenance(state: FleetState, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
-    """Until when it is in maintenance, and the downtimes that people planned and that hold."""
+    """Until when it is in maintenance, and the downtimes that people planned."""
     fleet, planned = state.fleet, state.downtimes(robot["robot"])
     labels = {**robot["labels"], "fleet": fleet.name, "robot": robot["robot"]}
     until = maintenance_until(fleet, labels, now.wall, planned) if robot["maintenance"] else None
     return {
         "maintenance_until": until,
-        "downtimes": [
-            {
-                "component": each.component,
-                "until": each.end,
-                "author": each.author,
-                "comment": each.comment,
-            }
-            for each in planned
-            if each.holds(now.wall)
-        ],
+        "downtimes": [_downtime(each) for each in planned if each.holds(now.wall)],
+        "downtimes_ahead": [_downtime(each) for each in planned if each.start > now.wall],
+    }
+
+
+def _downtime(downtime: Downtime) -> dict[str, Any]:
+    return {
+        "component": downtime.component,
+        "from": downtime.start,
+        "until": downtime.end,
+        "author": downtime.author,
+        "comment": downtime.comment,
     }
 
 

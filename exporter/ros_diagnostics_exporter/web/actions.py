@@ -11,6 +11,7 @@ import hmac
 import logging
 import re
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple
 from urllib.parse import parse_qsl, quote, unquote, urlsplit
@@ -28,6 +29,8 @@ from ros_diagnostics_exporter.web.responses import Workers
 MAX_FORM = 16 << 10  # bytes
 MAX_COMMENT = 200  # characters
 _TIME = re.compile(r"[0-9]{1,12}(\.[0-9]{1,6})?", re.ASCII)
+_TIME_OF_DAY = re.compile(r"([01][0-9]|2[0-3]):([0-5][0-9])(?::00)?", re.ASCII)
+DAY = 86_400.0  # seconds of a day in UTC
 _FORM = "application/x-www-form-urlencoded"
 
 _log = logging.getLogger(__name__)
@@ -83,17 +86,21 @@ class Actions:
         return await self._follow(request, {"fault", "comment"}, act)
 
     async def downtime(self, request: Request) -> Response:
-        """Plan a downtime of a robot or component, with ``robot``, ``component``, ``for``."""
+        """Plan a downtime of a robot or component, with ``robot``, ``component``, ``for``.
+
+        ``from`` is a time of day in UTC, as 22:00: the next one; "" is now.
+        """
 
         async def act(form: _Form) -> str:
             robot, lasts = form.fields["robot"], form.fields["for"]
             if lasts not in DOWNTIMES:
                 raise _RejectedError(400, f"{lasts!r:.20} is none of {', '.join(DOWNTIMES)}.")
-            given = robot, form.fields["component"], durations.parse(lasts)
+            begin = _begin(form.fields["from"], time.time())
+            given = robot, form.fields["component"], begin, durations.parse(lasts)
             await self._asking.run(self._backend.plan_downtime, *given, form.person)
             return f"../robots/{quote(robot, safe='')}?done=downtime"
 
-        return await self._follow(request, {"robot", "component", "for", "comment"}, act)
+        return await self._follow(request, {"robot", "component", "from", "for", "comment"}, act)
 
     async def cancel_downtime(self, request: Request) -> Response:
         """End a downtime, with ``robot``, ``component``, and ``until`` when it lasts, Unix time."""
@@ -145,6 +152,17 @@ class Actions:
         if fields.keys() != names:
             raise _RejectedError(400, f"The form has to have {', '.join(sorted(names))}.")
         return _Form(fields, Person(user, _comment(fields["comment"]), connection.address))
+
+
+def _begin(time_of_day: str, now: float) -> float:
+    """The next moment (Unix time) at which it is that time of day in UTC; "" is now."""
+    if not time_of_day:
+        return now
+    found = _TIME_OF_DAY.fullmatch(time_of_day)
+    if found is None:
+        raise _RejectedError(400, f"{time_of_day!r:.20} is no time of day such as 22:00.")
+    wanted = 3600.0 * int(found[1]) + 60.0 * int(found[2])
+    return now + (wanted - now) % DAY
 
 
 def _comment(text: str) -> str:

@@ -86,8 +86,12 @@ class Backend(Protocol):
             ConnectionError: No Alertmanager answers.
         """
 
-    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person, /) -> None:
-        """Plan a downtime of a robot, or of one component of it, from now on, and record it.
+    def plan_downtime(
+        self, robot: str, component: str, begin: float, seconds: float, person: Person, /
+    ) -> None:
+        """Plan a downtime of a robot, or of one component of it, and record it.
+
+        It begins at ``begin`` (Unix time) and lasts so many seconds.
 
         Raises:
             LookupError: There is no such robot or component.

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.severity import (
     OF_CAPABILITY_STATE,
     SEVERITIES,
     ShownProblem,
+    ahead_texts,
     as_planned,
     clock,
     component_path,
@@ -123,7 +124,7 @@ def robot_page(
         fleet=fleet["fleet"],
         name=name,
         state=state_of(robot),
-        marks=_marks(robot, now),
+        marks=_marks(robot, now) + ahead_texts(robot, now),
         capabilities=_capabilities(robot),
         facts=_facts(robot, now),
         problems=problems,
@@ -135,7 +136,7 @@ def robot_page(
         events=list(islice(others, EVENTS)),
         acting=acting,
         downtimes=DOWNTIMES,
-        planned=robot["downtimes"],
+        planned=robot["downtimes"] + robot["downtimes_ahead"],
         parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
 
@@ -374,6 +375,10 @@ def _at(unix: float, now: float) -> str:
     return clock(unix, now, local=False)
 
 
+def _time_of_day(unix: float) -> str:
+    return clock(unix, unix, local=False, seconds=False).removesuffix(" UTC")
+
+
 def _quoted(name: str) -> str:
     """A name for a URL, its slashes too; what is no Unicode is replaced."""
     return quote(name, safe="", errors="replace")
@@ -413,6 +418,7 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "at": _at,
+        "time_of_day": _time_of_day,
         "bounds": _bounds,
         "event_text": event_text,
         "quoted": _quoted,

@@ -98,7 +98,7 @@ def test_a_technician_acknowledges_a_fault_and_plans_a_downtime_with_a_browser(s
             ask(site, "/-/acknowledge", form)
         assert "already acknowledged by ann" in error.value.read().decode()
 
-        plan = {"robot": "robot_1", "component": "Motor 2", "for": "30m"}
+        plan = {"robot": "robot_1", "component": "Motor 2", "from": "", "for": "30m"}
         plan |= {"token": token, "comment": "is taken out"}
         assert "The downtime is planned." in ask(site, "/-/downtime", plan)
 

@@ -223,6 +223,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "maintenance_until": None,
         "capabilities_text": "",
         "downtimes": [],
+        "downtimes_ahead": [],
         "capabilities": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
@@ -245,6 +246,10 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
     }
 
 
+def times(begin: float, end: float) -> dict[str, float]:
+    return {"from": WALL + begin, "until": WALL + end}
+
+
 def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault():
     driver = StateDriver()
     driver.raw_every(1, 60, HOT)
@@ -263,8 +268,11 @@ def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault()
 
     assert (shown["maintenance"], shown["maintenance_until"]) == (True, WALL + 80)
     assert shown["downtimes"] == [
-        {"component": "", "until": WALL + 80, "author": "bob", "comment": "service"},
-        {"component": "Lidar", "until": WALL + 99, "author": "ann", "comment": "lens"},
+        {"component": "", **times(60, 80), "author": "bob", "comment": "service"},
+        {"component": "Lidar", **times(0, 99), "author": "ann", "comment": "lens"},
+    ]
+    assert shown["downtimes_ahead"] == [
+        {"component": "", **times(90, 95), "author": "bob", "comment": "later"}
     ]
     (problem,) = shown["problems"]
     assert problem["notified"] == {"email": WALL + 55}

@@ -105,7 +105,7 @@ def test_what_somebody_has_acknowledged_is_not_acknowledged_again():
 @pytest.mark.parametrize("component", ["", "Motor 1"])
 def test_a_downtime_is_what_exporters_read_as_one(component):
     by = FakeAlertmanager()
-    event = plan_downtime(by, "f", ("r", component, 3_600.0), ANN, NOW)
+    event = plan_downtime(by, "f", ("r", component, NOW, 3_600.0), ANN, NOW)
 
     [found] = read_downtimes([as_listed(by.added[0])], "f")
     assert (found.robot, found.component, found.author) == ("r", component, "ann")
@@ -115,9 +115,19 @@ def test_a_downtime_is_what_exporters_read_as_one(component):
     assert event.message.startswith("until 11:05:00 UTC: spare part ordered (from 10.0.0.7)")
 
 
+def test_a_downtime_may_lie_ahead():
+    by = FakeAlertmanager()
+    event = plan_downtime(by, "f", ("r", "", NOW + 7_200, 3_600.0), ANN, NOW)
+
+    made = by.added[0]
+    [found] = read_downtimes([as_listed(made) | {"status": {"state": "pending"}}], "f")
+    assert (found.start, found.end) == pytest.approx((NOW + 7_200, NOW + 10_800), abs=0.01)
+    assert event.message.startswith("from 12:05:00 UTC until 13:05:00 UTC: spare part ordered")
+
+
 def planned(robot: str, component: str, hours: float, name: str) -> dict[str, Any]:
     by = FakeAlertmanager()
-    plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
+    plan_downtime(by, "f", (robot, component, NOW, hours * 3_600), ANN, NOW)
     return as_listed(by.added[0]) | {"id": name}
 
 
@@ -139,9 +149,9 @@ def test_a_downtime_that_another_covers_is_not_planned(robot, component, hours, 
     by = FakeAlertmanager(silences=known)
     if is_covered:
         with pytest.raises(LookupError, match="a downtime of ann covers it already"):
-            plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
+            plan_downtime(by, "f", (robot, component, NOW, hours * 3_600), ANN, NOW)
     else:
-        plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
+        plan_downtime(by, "f", (robot, component, NOW, hours * 3_600), ANN, NOW)
     assert len(by.added) == (not is_covered)
 
 

@@ -6,6 +6,7 @@ import base64
 import http.client
 import logging
 import re
+import time
 from contextlib import closing
 from html import unescape
 from pathlib import Path
@@ -90,11 +91,43 @@ def test_a_form_acknowledges_a_fault_in_the_name_of_who_has_logged_in(site):
 @pytest.mark.parametrize(("part", "of"), [("", ""), ("Motor 1", "Motor 1")])
 def test_a_form_plans_a_downtime_of_a_robot_or_a_component(site, part, of):
     form = {"token": site.token(path="/robots/a"), "robot": "a", "component": part, "for": "2h"}
-    answer = site.post("/-/downtime", form | {"comment": "new gears"})
+    form |= {"from": "", "comment": "new gears"}
+    before = time.time()
+    answer = site.post("/-/downtime", form)
     assert (answer.status, answer.headers["Location"]) == (303, "../robots/a?done=downtime")
-    assert site.done == [("a", of, 7_200.0, Person("ann", "new gears", "127.0.0.1"))]
-    answer = site.post("/-/downtime", form | {"for": "900d", "comment": "x"})
+    [(robot_of, of_part, begin, seconds, person)] = site.done
+    assert (robot_of, of_part, seconds) == ("a", of, 7_200.0)
+    assert before <= begin <= time.time()
+    assert person == Person("ann", "new gears", "127.0.0.1")
+    answer = site.post("/-/downtime", form | {"for": "900d"})
     assert (answer.status, len(site.done)) == (400, 1)
+
+
+@pytest.mark.parametrize("minutes", [-90, 90])
+def test_a_form_plans_a_downtime_for_the_next_time_that_it_is_so_late(site, minutes):
+    wanted = time.time() // 60 * 60 + 60 * minutes
+    at = time.strftime("%H:%M", time.gmtime(wanted))
+    form = {"token": site.token(path="/robots/a"), "robot": "a", "component": "", "for": "2h"}
+    assert site.post("/-/downtime", form | {"from": at, "comment": "x"}).status == 303
+    assert site.done[0][2] == pytest.approx(wanted + (86_400 if minutes < 0 else 0), abs=0.01)
+
+
+@pytest.mark.parametrize("at", ["24:00", "9:00", "22:60", "22:00:01", "tonight", "22:00\n"])
+def test_what_is_no_time_of_day_plans_nothing(site, at):
+    form = {"token": site.token(path="/robots/a"), "robot": "a", "component": "", "for": "2h"}
+    answer = site.post("/-/downtime", form | {"from": at, "comment": "x"})
+    assert (answer.status, site.done) == (400, [])
+    assert "is no time of day such as 22:00" in answer.text
+
+
+def test_a_downtime_that_lies_ahead_is_shown_and_can_be_cancelled(serve, tmp_path):
+    ahead = downtime("Motor 1") | {"from": 68_400.0}
+    known = robot("a", component("Motor 1", "OK"), downtimes_ahead=[ahead])
+    page = Site(serve, tmp_path, fleet_snapshot=lambda: fleet(known)).page("/robots/a").text
+
+    text = "Motor 1: downtime from 19:00 UTC until 20:00 UTC (ann: new gears)"
+    assert f"<span class=mark>{text}</span>" in page
+    assert "Cancel the downtime of Motor 1 from 19:00:00 UTC until 20:00:00 UTC" in page
 
 
 @pytest.mark.parametrize("name", ["a\tb", "a\r\nb", "\x1b[31m", "a\u202eb", "50%25", "<Motor> 1"])
@@ -104,7 +137,8 @@ def test_a_component_of_any_name_can_be_chosen_as_the_page_offers_it(serve, tmp_
     page = site.page("/robots/a").text
     [offered] = re.findall(r'<option value="([^"]+)">', page)
     form = {"token": site.token(path="/robots/a"), "robot": "a", "component": unescape(offered)}
-    answer = site.post("/-/downtime", form | {"for": "2h", "comment": "new gears"})
+    form |= {"from": "", "for": "2h", "comment": "new gears"}
+    answer = site.post("/-/downtime", form)
     assert answer.status == 303
     assert site.done[0][:2] == ("a", name)
 
@@ -125,7 +159,7 @@ def test_a_form_cancels_the_downtime_that_its_page_shows(site):
 
 FORMS = {
     "acknowledge": {"fault": FAULT},
-    "downtime": {"robot": "a", "component": "", "for": "2h"},
+    "downtime": {"robot": "a", "component": "", "from": "", "for": "2h"},
     "cancel-downtime": {"robot": "a", "component": "", "until": "72000.000"},
 }
 
