@@ -86,6 +86,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "last_message": 1_060.0,
         "labels": {"site": "hall"},
         "address": None,
+        "links": {},
         "domain_id": 7,
         "namespace": f"/{name}",
         "topic": f"/{name}/diagnostics_agg",

@@ -10,6 +10,7 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.api.capabilities import fleet_capabilities
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
+from ros_diagnostics_exporter.config.links import filled
 from ros_diagnostics_exporter.faults.model import (
     CapabilityView,
     ComponentName,
@@ -285,6 +286,9 @@ def _robot(
         "last_message": robot.last_wall or None,
         "labels": dict(settings.labels),
         "address": settings.address,
+        "links": filled(
+            {**settings.profile.links, **settings.links}, settings.name, _host(settings.address)
+        ),
         "domain_id": settings.domain_id,
         "namespace": settings.namespace,
         "topic": robot.topic or None,

@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.config.conditions import (
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described, nothing
+from ros_diagnostics_exporter.config.links import Links
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.missions import ActionRules, Modes
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
@@ -415,6 +416,12 @@ class Profile(Entry):
         "entry that matches applies ([missions](missions.md)).",
         example=[{"match": "navigate_to_pose", "aborted": {"critical": 3}}],
         default=(),
+    )
+    links: Links = described(
+        "What people open of the robot beside its page, by name. `{robot}` is its name, and "
+        "`{address}` its `address`: without that, links that need it are left out.",
+        example={"manual": "https://wiki.example.org/amr", "camera": "http://{address}:8080/"},
+        default_factory=nothing,
     )
     modes: Modes | None = described(
         "Where the robot says whether it works by itself ([interventions]"

@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
+from ros_diagnostics_exporter.config.links import Links
 from ros_diagnostics_exporter.config.patterns import (
     ROBOT,
     KeyTemplate,
@@ -122,6 +123,11 @@ class Robot(Entry):
         default=None,
     )
     labels: Labels = _labels()
+    links: Links = described(
+        "Links of this robot, beside those of its profile.",
+        example={"manual": "https://wiki.example.org/r1"},
+        default_factory=nothing,
+    )
     topic: Topic | None = described(
         "The topic in full, in place of `namespace`. With source `auto` or `both` it is the "
         "aggregate's if it ends in `_agg`, else raw, and the other is named after it. If it is one "

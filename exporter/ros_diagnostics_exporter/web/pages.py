@@ -125,6 +125,7 @@ def robot_page(
         name=name,
         state=state_of(robot),
         marks=_marks(robot, now) + ahead_texts(robot, now),
+        links=robot["links"],
         capabilities=_capabilities(robot),
         facts=_facts(robot, now),
         problems=problems,

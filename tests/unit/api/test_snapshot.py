@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -17,6 +18,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
     Fleet,
+    Profile,
     Query,
     Robot,
     Source,
@@ -215,6 +217,7 @@ def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
         "last_message": WALL,
         "labels": {"site": "hall"},
         "address": "10.0.0.1",
+        "links": {},
         "domain_id": 7,
         "namespace": "/r",
         "topic": "/r/diagnostics_agg",
@@ -301,3 +304,12 @@ def test_a_query_says_how_it_was_answered():
     assert queries([Outcome(query, "", rows=2, skipped=1)]) == [
         {"name": "Host/load", "expr": "node_load1", "rows": 2, "skipped": 1, "error": ""}
     ]
+
+
+def test_a_robot_has_its_links_beside_those_of_its_profile():
+    profile = Profile(links={"manual": "https://w/amr", "camera": "http://{address}:8080/"})
+    settings = Robot("r", namespace="/r", profile=profile, links={"manual": "https://w/{robot}"})
+    known = replace(settings.reading(Source.RAW), address="fe80::1")
+    found = robot(StateDriver(fleet=Fleet("f", (known,))))
+
+    assert found["links"] == {"manual": "https://w/r", "camera": "http://[fe80::1]:8080/"}

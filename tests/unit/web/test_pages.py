@@ -732,3 +732,12 @@ def test_what_is_among_the_last_faults_in_order_is_not_listed_again():
     assert page.count(text) == 1
     _, others = read(page).text.split("Other recent events")
     assert "is silent" in others
+
+
+def test_a_robots_page_has_the_links_of_fleet_yml():
+    links = {"manual": "https://w/?a=1&b=2", "<x>": 'http://h/"'}
+    page = robot_page(fleet(robot("r", links=links)), "r", []) or ""
+
+    assert '<a href="https://w/?a=1&amp;b=2" rel=noreferrer>manual</a>' in page
+    assert '<a href="http://h/&#34;" rel=noreferrer>&lt;x&gt;</a>' in page
+    assert 'aria-label="Links"' not in (robot_page(fleet(robot("r")), "r", []) or "")
