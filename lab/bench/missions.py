@@ -2,8 +2,7 @@
 
 First in memory: robots whose diagnostics do not change, scraped every 15 s, with action servers and
 without, in turns of the same run. Then what the middleware takes: topics of goals of real DDS that
-are subscribed and looked at once a second, as the exporter does, with messages and without. With
-`--wire` also the bytes of one goal of a real action server on a network.
+are subscribed and looked at once a second, as the exporter does, with messages and without.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from unique_identifier_msgs.msg import UUID
 
-from bench import goal_bytes
 from bench.dds import BEGIN, parser_for
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.missions import ActionRule, TooMany
@@ -241,14 +239,10 @@ def main() -> None:
     parser.add_argument("--topics", type=int, default=1000, help="of real DDS")
     parser.add_argument("--turns", type=int, default=2)
     parser.add_argument("--no-memory", dest="memory", action="store_false")
-    parser.add_argument("--wire", action="store_true", help="count a robot's bytes; needs root")
     options = parser.parse_args()
     print_in_memory(options)
     with domains.lease() as domain_id:
         print_middleware(options, domain_id)
-    if options.wire:
-        sent, received = goal_bytes.of_a_goal()
-        print(f"\na robot sends {sent:.0f} bytes for a goal, and receives {received:.0f}")
 
 
 if __name__ == "__main__":
