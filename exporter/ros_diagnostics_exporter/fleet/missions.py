@@ -36,15 +36,19 @@ class FleetMissions:
         self._write_at: dict[str, float] = {}  # by robot, monotonic
         self._written: set[str] = set()  # robots that have a row
 
-    def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> None:
-        """Take the goals of an action of a robot."""
+    def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> bool:
+        """Take the goals of an action of a robot; whether anything is another than before."""
         action = _missions(robot, now).action(name)
         if action is None:
-            return
+            return False
         before = action.goals.state
         ends = action.see(goals, now)
-        if ends or action.goals.state != before:  # as when a goal that was accepted is executed
-            self._take(robot, [action], [(action, end) for end in ends], now)
+        if (
+            not ends and action.goals.state == before
+        ):  # as when a goal that was accepted is executed
+            return False
+        self._take(robot, [action], [(action, end) for end in ends], now)
+        return True
 
     def follow_server(self, robot: RobotState, change: ServerChange, now: Instant) -> None:
         """Take that a server of a robot came, went or was restarted."""

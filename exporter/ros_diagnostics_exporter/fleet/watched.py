@@ -263,8 +263,9 @@ class WatchedFleet(ABC):
             server = self._watch.servers.find(domain_id, topic)
         with self._lock:
             robot = None if server is None else self._registry.robots.get(server.robot)
-            if server is not None and robot is not None:
-                self._with_missions().see(robot, server.action, goals, now)
+            if server is None or robot is None:
+                return
+            if self._with_missions().see(robot, server.action, goals, now):
                 self._follow(robot, now)
 
     def _with_missions(self) -> FleetMissions:

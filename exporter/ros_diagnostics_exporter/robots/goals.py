@@ -21,6 +21,7 @@ from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
+from operator import itemgetter
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
@@ -154,20 +155,20 @@ class Goals:
 
     def see(self, goals: Iterable[Goal], mono: float) -> list[GoalEnd]:
         """Take a list as it was received."""
-        before, ends = self.return_(mono), list[GoalEnd]()
+        before, ends, running = self.return_(mono), list[GoalEnd](), self._running
         self.received_at = mono
-        goals = {each.key: each for each in goals}.values()
-        known, self._known = self._known, {each.key: each.has_ended for each in goals}
-        for key in self._running.keys() - self._known.keys():
+        listed = {each.key: each for each in goals}
+        known, self._known = self._known, {key: each.has_ended for key, each in listed.items()}
+        for key in running.keys() - listed.keys():
             ends.append(self._drop(key, mono))
-        for goal in sorted(goals, key=lambda each: each.stamp):
-            if goal.key not in known and not self._is_old(goal):
-                ends += self._begin(goal, mono)
-        for goal in goals:
-            if goal.has_ended and goal.key in self._running:
-                ends += self._finish(self._running.pop(goal.key), goal, mono)
-        if goals:
-            self._newest = max(each.stamp for each in goals)
+        new = [key for key in listed if key not in known and not self._is_old(listed[key])]
+        for key in sorted(new, key=itemgetter(1)):  # by when they were accepted
+            ends += self._begin(listed[key], mono)
+        for key, has_ended in self._known.items():
+            if has_ended and key in running:
+                ends += self._finish(running.pop(key), listed[key], mono)
+        if listed:
+            self._newest = max(stamp for _id, stamp in listed)
         self._is_joined, self._is_first = True, False
         return before + self._counted(ends)
 
@@ -237,6 +238,8 @@ class Goals:
 
     def tick(self, mono: float) -> list[GoalEnd]:
         """Let time pass."""
+        if not self._held and self._away_since is None:
+            return []
         ends = [each for each in self._held if mono > each.at + REPLACED]
         self._held = [each for each in self._held if mono <= each.at + REPLACED]
         self._counted(ends)

@@ -56,7 +56,7 @@ class Action:
 
     __slots__ = (
         *("name", "rule", "goals", "clock", "status", "due"),
-        *("_ended", "_started", "_aborted_at"),
+        *("_ended", "_started", "_aborted_at", "_last_aborted", "_told_running"),
     )
 
     def __init__(self, name: str, rule: ActionRule | None) -> None:
@@ -67,7 +67,9 @@ class Action:
         self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
         self._ended: list[tuple[float, str]] = []  # the last `MOST_RECENT`
         self._started: list[float] = []
-        self._aborted_at = 0.0
+        self._aborted_at = 0.0  # when the last was aborted, Unix time
+        self._last_aborted = -inf  # ... by the clock
+        self._told_running = 0  # goals that ran when its status was reported
 
     @property
     def is_mission(self) -> bool:
@@ -112,32 +114,46 @@ class Action:
             self._ended += [(clock, end.result) for end in ends]
             del self._ended[:-MOST_RECENT]
             if any(end.result == "aborted" for end in ends):
-                self._aborted_at = now.wall
+                self._aborted_at, self._last_aborted = now.wall, clock
         return ends
 
     # -- judged --------------------------------------------------------------------------------
 
-    def take_status(self, now: Instant) -> Status | None:
-        """Its status, where that is another than before; None of a server that is away."""
+    @property
+    def tells_more(self) -> bool:
+        """Whether what runs is another than its status says, or by now for longer."""
+        running = self.goals.running
+        return self.rule is not None and bool(running or running != self._told_running)
+
+    def take_status(self, now: Instant, *, tells_values: bool) -> Status | None:
+        """Its status, where that is another than before; None of a server that is away.
+
+        Unless ``tells_values``, one that differs in nothing but its values can wait.
+        """
         if self.rule is None or self.goals.is_away:
             return None
-        status = self._judge(self.rule, now)
-        if status == self.status:
+        judged, before = self._judge(self.rule, now), self.status
+        if not tells_values and before is not None and judged == (before.level, before.message):
+            return None
+        self._told_running = self.goals.running
+        longest = self.goals.longest(now.mono)
+        values = (("running", str(self._told_running)), ("longest", f"{longest:.0f} s"))
+        status = Status(judged[0], self.name, judged[1], "", values)
+        if status == before:
             return None
         self.status = status
         return status
 
-    def _judge(self, rule: ActionRule, now: Instant) -> Status:
+    def _judge(self, rule: ActionRule, now: Instant) -> tuple[int, str]:
         problems = [*self._problems(rule, now)]
-        level = max((level for level, _text in problems), default=Level.OK)
-        text = "; ".join(text for _level, text in problems) or "OK"
-        longest = self.goals.longest(now.mono)
-        values = (("running", str(self.goals.running)), ("longest", f"{longest:.0f} s"))
-        return Status(int(level), self.name, text, "", values)
+        if not problems:
+            return int(Level.OK), "OK"
+        text = "; ".join(text for _level, text in problems)
+        return int(max(level for level, _text in problems)), text
 
     def _problems(self, rule: ActionRule, now: Instant) -> Iterator[tuple[Level, str]]:
         clock = self.clock.read(now.mono)
-        if rule.aborted is not None:
+        if rule.aborted is not None and clock - self._last_aborted < rule.aborted.within:
             level, text = self._judge_aborted(rule.aborted, clock)
             if level:
                 yield level, text
@@ -208,6 +224,8 @@ class Action:
         self._ended = [(-age, word) for age, word in learned.ended]
         self._started = [-age for age in learned.started]
         self._aborted_at = learned.aborted_at
+        aborted = (at for at, word in self._ended if word == "aborted")
+        self._last_aborted = max(aborted, default=-inf)
 
 
 class Missions:
@@ -261,7 +279,7 @@ class Missions:
         found, is_turned = list[Status](), False
         for each in actions:
             before = each.level
-            status = each.take_status(now)
+            status = each.take_status(now, tells_values=now.mono >= self._report_at)
             each.schedule(now.mono)
             if status is not None:
                 found.append(status)
@@ -271,8 +289,8 @@ class Missions:
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
         actions = self.actions.values()
-        runs = any(each.goals.running for each in actions if each.rule is not None)
-        if not (runs or (self.autonomy is not None and self.autonomy.is_running)):
+        tells = any(each.tells_more for each in actions)
+        if not (tells or (self.autonomy is not None and self.autonomy.is_running)):
             self._report_at = inf
         elif self._report_at == inf or self._report_at <= mono:
             self._report_at = mono + REPORT
@@ -284,7 +302,7 @@ class Missions:
         return [
             each
             for each in self.actions.values()
-            if mono >= each.due or (says_again and each.goals.running)
+            if mono >= each.due or (says_again and each.tells_more)
         ]
 
     def learned(self, now: Instant) -> MissionsLearned:
