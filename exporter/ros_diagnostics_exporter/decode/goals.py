@@ -6,7 +6,6 @@ own clock, and a status. Every goal after the first takes 28 bytes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from struct import Struct
 from typing import NamedTuple
 
@@ -14,11 +13,12 @@ from ros_diagnostics_exporter.decode.cdr import is_cdr
 
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(1, 7)
 MOST = 1_000  # goals of one message that are read, the newest; a server keeps far fewer
-# Where the first goal begins, its number of seconds, and how many bytes a goal and its id take.
-BEGIN, SECONDS, STRIDE, ID = 8, 24, 28, 16
-
-_LITTLE = Struct("<I").unpack_from, Struct("<iIb").unpack_from
-_BIG = Struct(">I").unpack_from, Struct(">iIb").unpack_from
+# Id, seconds, nanoseconds and status of the first goal, which begins at its seconds' alignment, and
+# of each other one, whose id follows a status of one byte.
+_FIRST, _OTHER = "16siIb", "16s3xiIb"
+BEGIN, SECOND, STRIDE = 8, 33, 28  # where these two are in the bytes, and how many a goal takes
+_LITTLE = Struct("<I"), Struct(f"<{_FIRST}"), Struct(f"<{_OTHER}")
+_BIG = Struct(">I"), Struct(f">{_FIRST}"), Struct(f">{_OTHER}")
 
 
 Key = tuple[bytes, float]
@@ -50,16 +50,18 @@ def decode_goals(data: bytes) -> tuple[Goal, ...]:
     """
     if not is_cdr(data) or len(data) < BEGIN:
         raise ValueError("does not begin as a serialized GoalStatusArray does")
-    number, goal = _LITTLE if data[1] else _BIG
-    (count,) = number(data, 4)
-    if count and len(data) <= SECONDS + STRIDE * (count - 1) + 8:
+    number, first, other = _LITTLE if data[1] else _BIG
+    (count,) = number.unpack_from(data, 4)
+    if count == 0:
+        return ()
+    end = SECOND + STRIDE * (count - 1)
+    if len(data) < end:
         raise ValueError(f"ends within a GoalStatusArray of {count} goals")
-    return tuple(_goal(data, each, goal) for each in range(max(0, count - MOST), count))
-
-
-def _goal(data: bytes, index: int, numbers: Callable[[bytes, int], tuple[int, ...]]) -> Goal:
-    at = SECONDS + STRIDE * index
-    # Only the first id begins at its seconds' alignment: the others follow a status of one byte.
-    begin = at - ID if index == 0 else at - ID - 3
-    seconds, nanoseconds, status = numbers(data, at)
-    return Goal(data[begin : begin + ID], seconds + nanoseconds * 1e-9, status)
+    begin = SECOND + STRIDE * max(0, count - MOST - 1)
+    found = [*other.iter_unpack(data[begin:end])]
+    if count <= MOST:
+        found.insert(0, first.unpack_from(data, BEGIN))
+    return tuple(
+        Goal(goal_id, seconds + nanoseconds * 1e-9, status)
+        for goal_id, seconds, nanoseconds, status in found
+    )

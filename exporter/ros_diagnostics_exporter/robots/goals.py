@@ -251,7 +251,7 @@ class Goals:
 
     def learned(self, mono: float) -> GoalsLearned:
         """What a later process should know; a goal that was cancelled just now is counted so."""
-        counts = self.counts.with_(self._held)
+        counts = self.counts.with_(self._held) if self._held else self.counts
         return GoalsLearned(
             newest=max(self._newest, -1e11),
             running=[
@@ -264,7 +264,7 @@ class Goals:
             ],
             results=[*counts.results.values()],
             started=counts.started,
-            durations=counts.durations,
+            durations=[*counts.durations],
             seconds=counts.seconds,
         )
 

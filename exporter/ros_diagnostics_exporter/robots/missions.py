@@ -239,6 +239,7 @@ class Missions:
         self.mode: Mode = (None, None)  # as it was taken last
         self.due = inf  # when `tick` has something to do, or a status is another, monotonic
         self._report_at = inf  # when what runs is said again, monotonic
+        self._telling: set[Action] = set()  # those of which there is something to say then
 
     def configure(self, rules: tuple[ActionRule, ...], namespace: str) -> list[str]:
         """Follow other entries; the actions that have none any more, and so are no components."""
@@ -281,6 +282,7 @@ class Missions:
             before = each.level
             status = each.take_status(now, tells_values=now.mono >= self._report_at)
             each.schedule(now.mono)
+            (self._telling.add if each.tells_more else self._telling.discard)(each)
             if status is not None:
                 found.append(status)
                 is_turned |= status.level != before
@@ -288,13 +290,11 @@ class Missions:
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
-        actions = self.actions.values()
-        tells = any(each.tells_more for each in actions)
-        if not (tells or (self.autonomy is not None and self.autonomy.is_running)):
+        if not (self._telling or (self.autonomy is not None and self.autonomy.is_running)):
             self._report_at = inf
         elif self._report_at == inf or self._report_at <= mono:
             self._report_at = mono + REPORT
-        self.due = min([self._report_at, *[each.due for each in actions]])
+        self.due = min([self._report_at, *[each.due for each in self.actions.values()]])
 
     def due_actions(self, mono: float) -> list[Action]:
         """Those whose status may be another by now."""
@@ -302,7 +302,7 @@ class Missions:
         return [
             each
             for each in self.actions.values()
-            if mono >= each.due or (says_again and each.tells_more)
+            if mono >= each.due or (says_again and each in self._telling)
         ]
 
     def learned(self, now: Instant) -> MissionsLearned:
