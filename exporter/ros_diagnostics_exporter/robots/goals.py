@@ -22,13 +22,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 from operator import itemgetter
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
 from ros_diagnostics_exporter.decode.goals import ABORTED, CANCELED, MOST, SUCCEEDED, Goal, Key
 
-RESULTS = ("succeeded", "aborted", "cancelled", "preempted", "unknown")
+Result = Literal["succeeded", "aborted", "cancelled", "preempted", "unknown"]
+RESULTS: tuple[Result, ...] = get_args(Result)
 REPLACED = 1.0  # seconds within which a newer goal has taken the place of one that ends
 RETURN = 600.0  # ... for which a server may be away until its goals are unknown
 BOUNDS = (1.0, 10.0, 60.0, 300.0, 1800.0)  # of durations, in seconds: from a spin to a tour

@@ -18,17 +18,26 @@ from ros_diagnostics_exporter.config.missions import ActionRule, TooMany, rule_f
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.autonomy import Autonomy, AutonomyLearned
-from ros_diagnostics_exporter.robots.goals import GoalEnd, Goals, GoalsLearned, Moment
+from ros_diagnostics_exporter.robots.goals import (
+    RESULTS,
+    GoalEnd,
+    Goals,
+    GoalsLearned,
+    Moment,
+    Result,
+)
+from ros_diagnostics_exporter.robots.recent import MOST as MOST_RECENT
+from ros_diagnostics_exporter.robots.recent import Recent
 from ros_diagnostics_exporter.sources.action_servers import MOST
 from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
 
 # Where a server is away nothing is known of its goals, which is no fault: others say so.
 ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True)
-MOST_RECENT = 200  # goals of one action that are judged
+_SUCCEEDED, _ABORTED, _PREEMPTED = map(RESULTS.index, ("succeeded", "aborted", "preempted"))
 REPORT = 30.0  # seconds between two statuses of what runs
 Mode = tuple[bool | None, bool | None]  # it works by itself; it is stopped; None: not known
 _Text = Annotated[str, Field(max_length=256)]
-_Recent = Annotated[list[tuple[Moment, _Text]], Field(max_length=MOST_RECENT)]
+_Recent = Annotated[list[tuple[Moment, Result]], Field(max_length=MOST_RECENT)]
 
 
 class ActionLearned(NamedTuple):
@@ -60,21 +69,31 @@ class Action:
     )
 
     def __init__(self, name: str, rule: ActionRule | None) -> None:
-        self.name, self.rule = name, rule
+        self.name = name
         self.goals = Goals()
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
         self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
-        self._ended: list[tuple[float, str]] = []  # the last `MOST_RECENT`
-        self._started: list[float] = []
+        self._ended: Recent | None = (
+            None  # indices of `RESULTS`, where its entry counts aborted ones
+        )
+        self._started: Recent | None = None  # where its entry counts these
         self._aborted_at = 0.0  # when the last was aborted, Unix time
         self._last_aborted = -inf  # ... by the clock
         self._told_running = 0  # goals that ran when its status was reported
+        self.set_rule(rule)
 
     @property
     def is_mission(self) -> bool:
         """Whether how its goals end says whether the robot does its work."""
         return self.rule is not None and not self.rule.ignore_result
+
+    def set_rule(self, rule: ActionRule | None) -> None:
+        """Follow another entry, which judges it anew."""
+        self.rule, self.status = rule, None
+        aborted, started = (None, None) if rule is None else (rule.aborted, rule.started)
+        self._ended = _counted_by(aborted, self._ended)
+        self._started = _counted_by(started, self._started)
 
     @property
     def level(self) -> int:
@@ -86,10 +105,9 @@ class Action:
         self.clock.set(running=True, mono=now.mono)
         before = self.goals.counts.started
         ends = self.goals.see(goals, now.mono)
-        if self.rule is not None:
+        if self._started is not None:
             begun = self.goals.counts.started - before
-            self._started += [self.clock.read(now.mono)] * begun
-            del self._started[:-MOST_RECENT]
+            self._started.add([0] * begun, self.clock.read(now.mono))
         return self._note(ends, now)
 
     def set_there(self, *, there: bool, now: Instant) -> list[GoalEnd]:
@@ -109,11 +127,13 @@ class Action:
         return self._note(self.goals.tick(now.mono), now)
 
     def _note(self, ends: list[GoalEnd], now: Instant) -> list[GoalEnd]:
-        if self.rule is not None:
-            clock = self.clock.read(now.mono)
-            self._ended += [(clock, end.result) for end in ends]
-            del self._ended[:-MOST_RECENT]
-            if any(end.result == "aborted" for end in ends):
+        if self._ended is not None and ends:
+            clock, results = (
+                self.clock.read(now.mono),
+                [RESULTS.index(each.result) for each in ends],
+            )
+            self._ended.add(results, clock)
+            if _ABORTED in results:
                 self._aborted_at, self._last_aborted = now.wall, clock
         return ends
 
@@ -157,8 +177,8 @@ class Action:
             level, text = self._judge_aborted(rule.aborted, clock)
             if level:
                 yield level, text
-        if rule.started is not None:
-            count = sum(clock - at < rule.started.within for at in self._started)
+        if rule.started is not None and self._started is not None:
+            count = len(self._started.since(clock - rule.started.within))
             if level := _level(rule.started, count):
                 yield level, f"started {count} times within {_written(rule.started)}"
         if rule.longer_than is not None and self.goals.longest(now.mono) > rule.longer_than:
@@ -167,26 +187,16 @@ class Action:
 
     def _judge_aborted(self, limit: TooMany, clock: float) -> tuple[Level, str]:
         """As many are too many, unless as many goals in a row have succeeded since."""
-        words = [word for at, word in self._ended if clock - at < limit.within]
-        counted = [word for word in words if word != "preempted"]
-        aborted, succeeded = counted.count("aborted"), 0
-        for word in reversed(counted):
-            if word != "succeeded":
-                break
-            succeeded += 1
+        ended = b"" if self._ended is None else self._ended.since(clock - limit.within)
+        counted = ended.replace(bytes([_PREEMPTED]), b"")
+        aborted = counted.count(_ABORTED)
+        succeeded = len(counted) - len(counted.rstrip(bytes([_SUCCEEDED])))  # in a row, at last
         level = _level(limit, aborted, over=succeeded)
         last = datetime.fromtimestamp(self._aborted_at, timezone.utc)
         text = (
             f"aborted {aborted} of the last {len(counted)} goals, the last at {last:%H:%M:%S} UTC"
         )
         return level, text
-
-    @property
-    def limits(self) -> tuple[TooMany, ...]:
-        """What of it is counted for a while."""
-        if self.rule is None:
-            return ()
-        return tuple(each for each in (self.rule.aborted, self.rule.started) if each is not None)
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
@@ -201,10 +211,10 @@ class Action:
 
     def _ends_of_windows(self, mono: float) -> Iterator[float]:
         clock = self.clock.read(mono)
-        times = [*(at for at, _word in self._ended), *self._started]
-        for limit in self.limits:
-            later = (at + limit.within - clock for at in times if clock - at < limit.within)
-            yield mono + min(later, default=inf)
+        for each in (self._ended, self._started):
+            first = None if each is None else each.next_after(clock - each.within)
+            if each is not None and first is not None:
+                yield mono + first + each.within - clock
 
     # -- outliving the process -----------------------------------------------------------------
 
@@ -213,19 +223,19 @@ class Action:
         clock = self.clock.read(now.mono)
         return ActionLearned(
             self.goals.learned(now.mono),
-            [(clock - at, word) for at, word in self._ended],
-            [clock - at for at in self._started],
+            [(clock - at, RESULTS[what]) for at, what in self._ended or ()],
+            [clock - at for at, _what in self._started or ()],
             self._aborted_at,
         )
 
     def restore(self, learned: ActionLearned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
         self.goals.restore(GoalsLearned(*learned.goals), now.mono)
-        self._ended = [(-age, word) for age, word in learned.ended]
-        self._started = [-age for age in learned.started]
-        self._aborted_at = learned.aborted_at
-        aborted = (at for at, word in self._ended if word == "aborted")
-        self._last_aborted = max(aborted, default=-inf)
+        ended = [(age, RESULTS.index(word)) for age, word in learned.ended]
+        _restore(self._ended, ended)
+        _restore(self._started, [(age, 0) for age in learned.started])
+        aborted = (age for age, what in ended if what == _ABORTED)
+        self._aborted_at, self._last_aborted = learned.aborted_at, -min(aborted, default=inf)
 
 
 class Missions:
@@ -249,7 +259,7 @@ class Missions:
             rule = rule_for(rules, namespace, name)
             if rule is None and action.rule is not None:
                 gone.append(name)
-            action.rule, action.status = rule, None
+            action.set_rule(rule)
         return gone
 
     def action(self, name: str) -> Action | None:
@@ -320,6 +330,21 @@ class Missions:
         if learned.autonomy is not None:
             self.autonomy = Autonomy()
             self.autonomy.restore(AutonomyLearned(*learned.autonomy))
+
+
+def _counted_by(limit: TooMany | None, known: Recent | None) -> Recent | None:
+    """What an entry counts, with what of it is known."""
+    if limit is None or known is None:
+        return None if limit is None else Recent(limit.within)
+    known.within = limit.within
+    return known
+
+
+def _restore(recent: Recent | None, known: list[tuple[float, int]]) -> None:
+    """Take what happened so many seconds ago, as an earlier process knew it."""
+    if recent is not None:
+        for age, what in sorted(known, key=lambda each: -each[0]):
+            recent.add([what], -age)
 
 
 def _level(limit: TooMany, count: int, *, over: int = 0) -> Level:
