@@ -14,6 +14,7 @@ import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
+from pathlib import Path
 
 import rclpy
 from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
@@ -36,6 +37,7 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
+from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from support.goal_lists import encode_goals
 from testbed import domains
 from testbed.polling import until
@@ -146,6 +148,7 @@ class Subscribed:
 
     def __init__(self, domain_id: int, topics: int) -> None:
         os.environ.update(domains.environment(domain_id))
+        use_profiles(os.environ, Path())  # as the exporter does, which needs a third of it so
         self._contexts = [Context(), Context()]
         nodes = []
         for number, context in enumerate(self._contexts):
