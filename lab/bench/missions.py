@@ -1,8 +1,10 @@
 """What it costs to count the goals of a fleet's actions, beside the same fleet without them.
 
-First in memory: robots whose diagnostics do not change, scraped every 15 s, with action servers and
-without, in turns of the same run. Then what the middleware takes: topics of goals of real DDS that
-are subscribed and looked at once a second, as the exporter does, with messages and without.
+First what the middleware takes, as later the process has had more memory: topics of goals of real
+DDS that are subscribed and looked at once a second, with messages
+and without, as the exporter does.
+Then in memory: robots whose diagnostics do not change, scraped every 15 s, with action servers and
+without, in turns of the same run.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
+from pathlib import Path
 
 import rclpy
 from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
@@ -36,6 +39,7 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
+from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from support.goal_lists import encode_goals
 from testbed import domains
 from testbed.polling import until
@@ -128,7 +132,9 @@ def megabytes(robots: int, actions: int) -> float:
 
 def print_in_memory(options: argparse.Namespace) -> None:
     """The fleet with actions, and without."""
-    print(f"{options.robots} robots of {len(STATUSES)} components, 2 goals a minute of each action")
+    print(
+        f"\n{options.robots} robots of {len(STATUSES)} components, 2 goals a minute of each action"
+    )
     print(f"{'actions':<10}{'CPU':>8}{'MB':>8}")
     for actions in (0, options.actions) * options.turns:
         fleet = InMemory(options.robots, actions)
@@ -146,6 +152,7 @@ class Subscribed:
 
     def __init__(self, domain_id: int, topics: int) -> None:
         os.environ.update(domains.environment(domain_id))
+        use_profiles(os.environ, Path())  # as the exporter does, which needs a third of it so
         self._contexts = [Context(), Context()]
         nodes = []
         for number, context in enumerate(self._contexts):
@@ -221,7 +228,7 @@ def print_middleware(options: argparse.Namespace, domain_id: int) -> None:
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     idle = min(subscribed.look() for _ in range(5)) / options.topics
     busy = subscribed.receive_all() / options.topics
-    print(f"\n{options.topics} topics of real DDS, subscribed with a depth of {GOALS_DEPTH}")
+    print(f"{options.topics} topics of real DDS, subscribed with a depth of {GOALS_DEPTH}")
     print(f"{'a look at one without a message':<44}{1e6 * idle:>7.1f} us")
     print(f"{'a message, taken and decoded':<44}{1e6 * busy:>7.1f} us")
     of_publisher = (published - before) / options.topics
@@ -232,7 +239,7 @@ def print_middleware(options: argparse.Namespace, domain_id: int) -> None:
 
 
 def main() -> None:
-    """Print what it costs in memory, then what the middleware takes."""
+    """Print what the middleware takes, then what it costs in memory."""
     parser = parser_for("missions", __doc__)
     parser.set_defaults(robots=1000)
     parser.add_argument("--actions", type=int, default=5, help="of each robot")
@@ -240,9 +247,9 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=2)
     parser.add_argument("--no-memory", dest="memory", action="store_false")
     options = parser.parse_args()
-    print_in_memory(options)
     with domains.lease() as domain_id:
         print_middleware(options, domain_id)
+    print_in_memory(options)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ GOALS_TYPE = "action_msgs/msg/GoalStatusArray"
 STATUS = "/_action/status"  # after the name of an action
 MOST = 20  # actions of one robot; those that an entry of fleet.yml names come first
 # ... of a domain that no entry names, by the names of their robots: with Fast DDS each subscription
-# takes up to 90 KiB, which a large fleet has not asked for.
+# takes some 34 KiB, which a large fleet has not asked for.
 MOST_UNNAMED = 200
 
 

@@ -34,9 +34,10 @@ def start_exporter(robots, run_exporter, dds_environment):
     started = []
 
     def start():
-        started.append(run_exporter(fleet))
+        exporter = run_exporter(fleet)
         robots.offer("/r/diagnostics")
-        return started[0]
+        started.append(exporter)  # from now on the robot reports
+        return exporter
 
     def report(_turn: int) -> None:
         if started:

@@ -245,6 +245,7 @@ def test_whatever_happens_a_recount_of_what_was_received_says_the_same(history):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # four minutes and more beside other work
 @given(histories(60))
 @settings(max_examples=10_000, suppress_health_check=[HealthCheck.too_slow])
 def test_ten_thousand_histories_are_recounted(history):
