@@ -38,14 +38,15 @@ class FleetMissions:
 
     def see(self, robot: RobotState, name: str, goals: Iterable[Goal], now: Instant) -> bool:
         """Take the goals of an action of a robot; whether anything is another than before."""
-        action = _missions(robot, now).action(name)
+        missions = _missions(robot, now)
+        is_new = name not in missions.actions
+        action = missions.action(name)
         if action is None:
             return False
         before = action.goals.state
         ends = action.see(goals, now)
-        if (
-            not ends and action.goals.state == before
-        ):  # as when a goal that was accepted is executed
+        is_same = action.goals.state == before  # as when a goal that was accepted is executed
+        if is_same and not (ends or is_new):
             return False
         self._take(robot, [action], [(action, end) for end in ends], now)
         return True

@@ -623,5 +623,6 @@ def scraped(*steps: tuple[object, ...]) -> list[tuple[tuple[object, ...], str]]:
         ("raw", "/r1/d", (Status(OK, "Motor", "", "a"), Status(OK, "Motor", "", "b"))),
     )
 )
+@example([(("regroup", "Base"), "all"), (("goals", "go", 4), "all")])
 def test_what_is_kept_is_what_would_be_made_anew(history):
     check(history)
