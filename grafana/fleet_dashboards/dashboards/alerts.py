@@ -371,7 +371,7 @@ PARTS = {
     "stale": palette.STALE.colour,
     "critical": palette.CRITICAL.colour,
     "silent": palette.SILENT.colour,
-    "unreachable": palette.UNREACHABLE_COLOUR,
+    "unreachable": palette.UNREACHABLE.colour,
     "maintenance": palette.MAINTENANCE_COLOUR,
     "pending": palette.PENDING.colour,
     "undetermined": palette.UNDETERMINED_COLOUR,

@@ -303,7 +303,7 @@ def groups() -> table.Panel:
             "Groups as the robot's aggregator reports them",
             "Which state does the robot's own aggregator give each group? Its roll-up differs "
             "between versions, so nothing else here is computed from it.",
-            {"A": f"{level} ^ 3 % 5"},  # a level's rank: STALE (3) is 2, ERROR (2) is 3
+            {"A": f"({level} == 2) + 4 or ({level} == 3) - 1 or {level}"},  # a level's rank
             [tables.STATE, Column("group", "Group")],
             empty=tables.Empty(
                 "Its messages are not aggregated", f"ros_diagnostics_robot_up{{{_ROBOT}}}", "group"

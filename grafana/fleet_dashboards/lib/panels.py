@@ -96,6 +96,11 @@ def texts(
     )
 
 
+def text_of(size: int) -> common_builders.VizTextDisplayOptions:
+    """Return the size of texts in pixels; else that of one is large, and that of three small."""
+    return common_builders.VizTextDisplayOptions().value_size(size)
+
+
 def counts(
     title: str, description: str, expr: str, label: str, shown: Mapping[str, palette.State]
 ) -> stat.Panel:

@@ -77,7 +77,7 @@ COMPONENTS = (
             step(
                 ("flaps/Sensor 1: ok", "flaps/Sensor 2: error"),
                 critical("flaps", "Sensor 2"),
-                until=rank("flaps", 3),
+                until=rank("flaps", 6),
             ),
             step("flaps/Sensor 2: ok", until=rank("flaps", 0)),
         ),
