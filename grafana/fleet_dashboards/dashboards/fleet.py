@@ -53,11 +53,11 @@ def build() -> builders.Dashboard:
         ],
         [
             robots_by_state(),
-            number_of_problems(),
             problems(),
             wall(),
             states_of_robots(),
             health(),
+            number_of_problems(),
             share_working(),
             components_by_state(),
             robots(),
@@ -88,7 +88,7 @@ def robots_by_state() -> stat.Panel:
         link = {"title": f"Only {state.word}", "url": links.to_fleet(quote(f"== {state.rank}"))}
         look = [*panels.counted(state), panels.look("links", [link])]
         panel = panel.override_by_name(state.word, look)
-    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(20).height(3)
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(24).height(3)
 
 
 def _count(state: palette.State) -> str:
@@ -161,7 +161,7 @@ def number_of_problems() -> stat.Panel:
     return (
         panels.number(
             "Number of problems",
-            "How many problems are listed below, and how many of them are unhandled: neither "
+            "How many problems are listed above, and how many of them are unhandled: neither "
             "acknowledged nor planned? A question mark: not known while an exporter does not "
             "answer.",
             listed,
@@ -175,7 +175,7 @@ def number_of_problems() -> stat.Panel:
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
         .span(4)
-        .height(3)
+        .height(8)
     )
 
 
@@ -221,7 +221,7 @@ def share_working() -> stat.Panel:
         )
         .mappings(palette.UNKNOWN_NUMBER)
         .decimals(0)
-        .span(6)
+        .span(4)
         .height(8)
     )
 
@@ -245,7 +245,7 @@ def components_by_state() -> stat.Panel:
             "level",
             LEVELS,
         )
-        .span(6)
+        .span(4)
         .height(8)
     )
 

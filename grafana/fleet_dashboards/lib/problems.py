@@ -150,7 +150,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
       or ({components} and on (fleet, robot) {planned})
 """
     component = f"""
-    {_explained(components, chosen, _COMPONENT, suppressed)}
+    ({components} {chosen})
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT})
       ros_diagnostics_component_planned_stale == 1)
     unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common|capability"}}
@@ -158,7 +158,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
 {covered}
 """
     robot = f"""
-    {_explained(robots, chosen, "fleet, robot", f"{behind} or {planned}")}
+    ({robots} {chosen})
     and on (fleet, robot) ({silent})
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
     unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
@@ -172,32 +172,35 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     )
 """
     reason = label(silent_reason(matchers), "message", "$1", "reason", "(.*)")
-    found = f"{_with_message(component, message, _COMPONENT)}\nor\n"
-    found += _with_message(robot, reason, "fleet, robot")
-    found = label(f"({found})", "board", links.ROBOT_UID)
-    return label(found, "who", "$1", "robot", "(.*)")
-
-
-def _explained(ranks: str, chosen: str, by: str, suppressed: str) -> str:
-    """Return the ranks, and those for which there is a series of ``suppressed`` lower."""
-    return f"""(
-      ({ranks} {chosen}) - on ({by}) {MANY} * group by ({by}) ({suppressed})
-      or on ({by}) {ranks} {chosen}
+    found = f"""(
+{_described(component, components, _COMPONENT, message, suppressed)}
+    or
+{_described(robot, robots, "fleet, robot", reason, f"{behind} or {planned}")}
     )"""
+    return label(label(found, "board", links.ROBOT_UID), "who", "$1", "robot", "(.*)")
 
 
-def _with_message(expr: str, messages: str, by: str) -> str:
+def _described(rows: str, ranks: str, by: str, messages: str, suppressed: str) -> str:
+    """Return the rows with their messages, and lower those of which ``suppressed`` has a series.
+
+    ``ranks`` are of all that there may be: what has no message, or is not suppressed, is among
+    them. So ``rows``, which cost most, are computed once.
+    """
     return f"""
   (
-{expr}
+{rows}
   )
 + on ({by}) group_left (message)
-  0 * topk by ({by}) (1,
-{messages}
-  )
-or on ({by})
   (
-{expr}
+    0 * topk by ({by}) (1,
+{messages}
+    )
+    or on ({by}) 0 * {ranks}
+  )
+- on ({by}) group_left ()
+  (
+    {MANY} * group by ({by}) ({suppressed})
+    or on ({by}) 0 * {ranks}
   )
 """
 
@@ -309,15 +312,15 @@ def _state_mappings() -> list[dashboard.ValueMapping]:
     return palette.words(shown)
 
 
-ROBOT = Column("who", "Robot", link=links.OF_WHO, width=170, filtered=True)
+ROBOT = Column("who", "Robot", link=links.OF_WHO, width=150, filtered=True)
 # On a screen of 1366 pixels all of them.
 _COLUMNS = (
     tables.STATE._replace(mappings=_state_mappings()),
     ROBOT,
     Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
-    Column("component", "Component", link=links.TO_COMPONENT, width=160, filtered=True),
+    Column("component", "Component", link=links.TO_COMPONENT, width=145, filtered=True),
     Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Handled by", width=225, links=links.OF_PROBLEM),
+    Column("care", "Handled by", width=190, links=links.OF_PROBLEM),
     Column("E", "At", unit=tables.TIME, width=150),
     tables.FLEET._replace(hidden=True),
     Column("robot", "Name", hidden=True),

@@ -23,7 +23,8 @@ ALL_PANELS = [
 def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
     """A key that is not in Grafana's schema would be missing.
 
-    Except for the formats of annotations: they belong to Prometheus' data source.
+    Except for what an import by hand reads, and for the formats of annotations: they belong to
+    Prometheus' data source.
     """
     from grafana_foundation_sdk.cog import plugins
     from grafana_foundation_sdk.cog.encoder import JSONEncoder
@@ -31,6 +32,7 @@ def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
 
     plugins.register_default_plugins()
     board = json.loads(json.dumps(BOARDS[uid]))
+    assert board.pop("__requires")
     for annotation in board["annotations"].get("list", ()):
         assert annotation.pop("titleFormat")
         assert annotation.pop("textFormat")
@@ -38,6 +40,19 @@ def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
     again = json.loads(json.dumps(Dashboard.from_json(board), cls=JSONEncoder))
 
     assert again == board
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_an_import_by_hand_is_told_what_the_dashboard_needs(uid: str):
+    board = BOARDS[uid]
+    needed = {(each["type"], each["id"]) for each in board["__requires"]}
+
+    assert {each["type"] for each in panels(board)} == {
+        identity for kind, identity in needed if kind == "panel"
+    }
+    assert {("grafana", "grafana"), ("datasource", "prometheus")} <= needed
+    assert board["editable"]
+    assert board["revision"] > 1
 
 
 def test_the_file_is_named_by_the_uid_that_links_use():
