@@ -21,6 +21,7 @@ from fleet_dashboards.lib.promql import (
     in_order,
     label,
     message_age,
+    named,
     reached,
     settled,
     worst,
@@ -105,11 +106,10 @@ def _count(state: palette.State) -> str:
 
 def _what_some_use() -> builders.Row:
     """Return a closed row of what not every site has, which takes no room."""
-    row = builders.Row("Capabilities and missions").collapsed(True)
+    row = builders.Row("Capabilities").collapsed(True)
     for panel in (
         capabilities.of_robots(_CHOSEN, _PROOF),
         capabilities.of_fleet(_STATES, _PROOF),
-        missions.today(),
     ):
         row = row.with_panel(panel)
     return row
@@ -200,30 +200,29 @@ def problems() -> table.Panel:
 
 
 def share_working() -> stat.Panel:
-    """Show the share of robots that work."""
-    return (
-        panels.number(
-            "Working robots",
-            "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
-            "no exporter answers.",
-            f"""
-              (
-                  sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
-                or
-                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 and on () ({_PROOF})
-                or
-                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 / 0
-              )
-            /
-              sum({_COUNT}{{{_MATCHERS}, state!="pending"}})
-            """,
-            "percentunit",
-        )
-        .mappings(palette.UNKNOWN_NUMBER)
-        .decimals(0)
-        .span(4)
-        .height(8)
-    )
+    """Show the share of robots that work, and what became of their missions."""
+    known = f'sum({_COUNT}{{{_MATCHERS}, state!="pending"}})'
+    working = f"""
+      (
+          sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
+        or
+          {known} * 0 and on () ({_PROOF})
+        or
+          {known} * 0 / 0
+      )
+    /
+      {known}
+    """
+    panel = panels.number(
+        "Working robots",
+        "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
+        "no exporter answers. Where robots have missions, also which share of their goals they "
+        "reached in the last 24 hours, and how often somebody had to help for each hour in "
+        "which they worked by themselves: a click opens them.",
+        working,
+        "percentunit",
+    ).targets([panels.at_end(working, "working now")])
+    return missions.beside(panel.mappings(palette.UNKNOWN_NUMBER).decimals(0).span(4).height(8))
 
 
 LEVELS = {
@@ -281,8 +280,8 @@ def wall() -> stat.Panel:
     and on (at)
       {label("vector(0)", "at", "${wall:raw}")}
     """
-    named = in_order(_named_to_fit(panels.tidy(found)))
-    sorted_by = f'label_join({named}, "place", " ", "robot_group", "order")'
+    tiles = in_order(_named_to_fit(panels.tidy(found)))
+    sorted_by = f'label_join({tiles}, "place", " ", "robot_group", "order")'
     query = panels.at_end(sorted_by)
     # Each row becomes a field: its other columns are labels, for the link.
     fields = [
@@ -333,7 +332,7 @@ def _named_to_fit(robots: str) -> str:
     """Add a label ``name``: the robot's, shorter the more tiles there are."""
     full = label(robots, "name", "$1", "robot", "(.*)")
     # One that is long would make the text of all tiles small.
-    full = label(full, "name", "$1\u2026$2", "robot", "(.{5}).{5,}?(.{0,4})")
+    full = label(full, "name", "$1\u2026$2", "robot", "(.{4}).{6,}?(.{0,3})")
     start = label(robots, "name", "$1", "robot", "(.{1,4}).*")
     short = label(start, "name", "$1$2", "robot", "(.).*?([0-9]{1,4})")
     return f"""
@@ -364,11 +363,12 @@ def states_of_robots() -> statetimeline.Panel:
         "When was which robot in which state? The worst state of each step, of at least ten "
         "seconds. The 15 robots that are worst at the end of the range, of equal ones the oldest "
         "fault first: filter to see others.",
-        panels.over_time(placed, "{{of}}{{robot}}").interval("10s"),
+        panels.over_time(named(placed), "{{of}}{{who}}").interval("10s"),
     )
     # Without a legend, by Grafana 9's option, too: the words of the colours are at the top.
     legend = panels.legend().show_legend(False).display_mode(common.LegendDisplayMode.HIDDEN)
-    return panel.max_data_points(400).data_links([link]).legend(legend).height(12)
+    then = builders.DashboardLink("The robot at that moment").url(links.TO_ROBOT_THEN)
+    return panel.max_data_points(400).data_links([link, then]).legend(legend).height(12)
 
 
 LINES = 15  # of a timeline: names of more are not legible

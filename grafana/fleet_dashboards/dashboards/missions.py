@@ -72,32 +72,20 @@ def success() -> stat.Panel:
     )
 
 
-def today() -> stat.Panel:
-    """Show for the fleet's dashboard what became of the goals of a day."""
+def beside(panel: stat.Panel, refs: str = "BC") -> stat.Panel:
+    """Add to a panel what became of the goals of a day; nothing where there are no missions."""
     success, helped = (
         f"fleet:ros_diagnostics_{each}:ratio1d{{{variables.FLEET}}}"
         for each in ("goal_success", "interventions_per_hour")
     )
-    panel = panels.number(
-        "Missions of a day",
-        "Which share of their goals did robots reach in the last 24 hours, and how often did "
-        "somebody have to help for each hour in which a robot worked by itself? A click opens the "
-        "dashboard of missions.",
-        "vector(0)",
-        "percentunit",
-    ).targets(
-        [
-            panels.at_end(success, "success of {{fleet}}"),
-            panels.at_end(helped, "interventions per hour of {{fleet}}", "B"),
-        ]
-    )
+    link = {"title": "Open the missions", "url": links.TO_MISSIONS}
     per_hour = [panels.look("unit", "none"), panels.look("decimals", 2)]
     return (
-        panel.decimals(1)
+        panel.with_target(panels.at_end(success, "goals reached of {{fleet}}", refs[0]))
+        .with_target(panels.at_end(helped, "interventions per hour of {{fleet}}", refs[1]))
+        .override_by_regexp("/^goals|^interventions/", [panels.look("links", [link])])
         .override_by_regexp("/^interventions/", per_hour)
-        .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
-        .data_links([builders.DashboardLink("Open the missions").url(links.TO_MISSIONS)])
-        .span(24)
+        .text_mode(common.BigValueTextMode.AUTO)
     )
 
 

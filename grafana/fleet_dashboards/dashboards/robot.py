@@ -227,7 +227,7 @@ def states_of_components() -> statetimeline.Panel:
             ),
             "{{component}}",
         ),
-    )
+    ).data_links([builders.DashboardLink("The robot at that moment").url(links.TO_ROBOT_THEN)])
 
 
 _HARDWARE = f"""

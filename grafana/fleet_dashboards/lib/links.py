@@ -53,6 +53,9 @@ TO_COMPONENT_OF_FLEET = (
 TO_ROBOT_OF_SERIES = (
     f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_label('fleet')}&var-robot={_label('robot')}"
 )
+# The same at the time of the mark under the pointer: tables show what was true then.
+_THEN = "${datasource:queryparam}&from=${__from}&to=${__value.time}"
+TO_ROBOT_THEN = f"/d/{ROBOT_UID}?{_THEN}&var-fleet={_label('fleet')}&var-robot={_label('robot')}"
 TO_MISSIONS = f"/d/{MISSIONS_UID}?{_COMMON}&${{fleet:queryparam}}"
 TO_MONITORING = f"/d/{MONITORING_UID}?{_COMMON}"
 

@@ -13,7 +13,7 @@ from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, UPLINK, label, silent_reason
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, UPLINK, label, named, silent_reason
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -86,7 +86,7 @@ _OF_MANY = (
 def _confirmed(matchers: str) -> str:
     """Return the confirmed faults of single robots with the rank of their states, and a message."""
     listed = "\nor\n".join(_ranked(kind, matchers) for kind in _KINDS)
-    return label(f"(\n{listed}\n)", "who", "$1", "robot", "(.*)")
+    return named(f"(\n{listed}\n)")
 
 
 def _of_many(matchers: str, members: str) -> str:
@@ -105,7 +105,7 @@ def _of_many(matchers: str, members: str) -> str:
     * on (fault) group_left (who)
       {label(number, "who", "$1 robots", "who", "(.*)")}
     or
-      {label(down, "who", "$1", "robot", "(.*)")}
+      {named(down)}
 """
 
 
@@ -177,7 +177,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     or
 {_described(robot, robots, "fleet, robot", reason, f"{behind} or {planned}")}
     )"""
-    return label(label(found, "board", links.ROBOT_UID), "who", "$1", "robot", "(.*)")
+    return named(label(found, "board", links.ROBOT_UID))
 
 
 def _described(rows: str, ranks: str, by: str, messages: str, suppressed: str) -> str:

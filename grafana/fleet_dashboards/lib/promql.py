@@ -130,6 +130,12 @@ def label(expr: str, name: str, value: str, source: str = "", regexp: str = "") 
     return f'label_replace({expr}, "{name}", "{value}", "{source}", "{regexp}")'
 
 
+def named(expr: str) -> str:
+    """Add the robot as the label ``who``; of a long name begin and end, which tell it apart."""
+    full = label(expr, "who", "$1", "robot", "(.*)")
+    return label(full, "who", "$1\u2026$2", "robot", "(.{8}).{4,}(.{7})")
+
+
 def or_nothing(expr: str, text: str, proof: str, column: str = "message") -> str:
     """Return one row with a text in a column if ``expr`` has none and ``proof`` has a value.
 
