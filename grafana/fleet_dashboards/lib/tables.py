@@ -55,7 +55,7 @@ class Empty(NamedTuple):
     column: str = "message"  # the label of the column with the text
 
 
-STATE = Column("A", "State", mappings=palette.state_mappings(), width=105, background=True)
+STATE = Column("A", "State", mappings=palette.state_mappings(), width=120, background=True)
 FLEET = Column("fleet", "Fleet", width=100)
 ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, min_width=110, filtered=True)
 MAINTENANCE = Column(
