@@ -163,9 +163,10 @@ def _by_severity() -> str:
     return "\nor\n".join([*ordered, f"group by ({_ALERT}) ({_FIRING}) * 0"])
 
 
+_NAMED = f'label_join({HELD}{{fault!=""}}, "named", "", "check", "key")'
 _TEXT = label(
-    f'label_join({HELD}{{fault!=""}}, "text", ": ", "check", "key", "evidence")',
-    *("message", "$1", "text", "(?s:[: ]*(.*))"),
+    f'label_join({_NAMED}, "text", ": ", "named", "evidence")',
+    *("message", "$1", "text", "(?s:(?:: )?(.*))"),
 )
 _NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds > 0"
 

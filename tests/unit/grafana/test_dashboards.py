@@ -180,6 +180,34 @@ def test_a_number_without_data_is_on_no_colour(panel):
     assert lowest["color"] in {"text", "panel-bg"}
 
 
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_cell_without_a_value_is_on_no_colour(panel):
+    """Grafana 12 would draw it in the colour of text: black in the light theme."""
+    if panel["type"] != "table":
+        return
+    for override in panel["fieldConfig"]["overrides"]:
+        look = {each["id"]: each["value"] for each in override["properties"]}
+        if look.get("custom.cellOptions", {}).get("type") != "color-background":
+            continue
+        if override["matcher"]["options"] in {"severity", "Severity"}:  # a label: it has one always
+            continue
+        without = [
+            each["options"]["result"]["color"]
+            for each in look["mappings"]
+            if each["type"] == "special" and each["options"]["match"].startswith("null")
+        ]
+        assert set(without) == {"panel-bg"}, override["matcher"]
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_the_sentences_of_the_banner_have_one_size(uid: str):
+    """Else three are too small to be read, and one is the largest text of the page."""
+    monitoring, data_as_of, *_others = BOARDS[uid]["panels"]
+
+    assert monitoring["options"]["text"]["valueSize"] == 16
+    assert monitoring["gridPos"]["h"] == data_as_of["gridPos"]["h"], "else the right is ragged"
+
+
 @pytest.mark.parametrize("uid", BOARDS)
 def test_every_dashboard_begins_with_the_state_of_the_monitoring(uid: str):
     monitoring, data_as_of, *_others = BOARDS[uid]["panels"]
