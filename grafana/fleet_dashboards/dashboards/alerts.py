@@ -29,7 +29,7 @@ COMPONENT = (
     Column("component", "Component", link=links.TO_COMPONENT, min_width=130),
 )
 SEVERITY = Column(
-    "severity", "Severity", mappings=palette.severity_mappings(), width=90, background=True
+    "severity", "Severity", mappings=palette.severity_mappings(), width=100, background=True
 )
 # The same as a number: Grafana sorts by what is shown only, and texts by their letters.
 SEVERITY_RANKS = {severity: rank for rank, severity in enumerate(reversed(palette.SEVERITIES), 1)}
@@ -199,8 +199,8 @@ def firing_alerts() -> table.Panel:
         [
             SEVERITY_RANK,
             tables.ROBOT._replace(min_width=0, width=130),
-            Column("component", "Component", link=links.TO_COMPONENT, width=130),
             Column("message", "Message", min_width=200),
+            Column("component", "Component", link=links.TO_COMPONENT, width=130),
             Column("B", "Since", unit=tables.TIME, width=150),
             Column("receiver", "Notified", width=100),
             Column("E", "At", unit=tables.TIME, width=150),
