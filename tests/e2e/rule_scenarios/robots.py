@@ -112,7 +112,7 @@ ROBOTS = (
             step(_all(BUS, "error"), "ManyComponents collapses", until=in_trouble("collapses", 8)),
             step(_all(BUS, "ok"), until=rank("collapses", 0)),
         ),
-        ranks={"collapses": (0, 3, 0)},
+        ranks={"collapses": (0, 6, 0)},
     ),
     Scenario(
         "removing a CRITICAL robot from fleet.yml resolves its fault and fires nothing",
