@@ -149,7 +149,7 @@ def state_of(robot: dict[str, Any]) -> str:
 def problem_state(problem: dict[str, Any]) -> str:
     """A problem's state in one word of SEVERITIES: a robot that is not received is SILENT."""
     state: str = problem["state"]
-    if state == "silent" and problem["suppressed"] == "unreachable":
+    if state == "silent" and problem.get("suppressed") == "unreachable":
         return "UNREACHABLE"
     return _OF_STATE.get(state) or ("STALE" if state == "stale" else problem["severity"].upper())
 

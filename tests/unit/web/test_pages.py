@@ -402,6 +402,7 @@ def test_a_robot_that_is_not_received_is_silent_and_one_never_seen_is_pending():
     assert state_of(robot("a", stale, error, warn)) == "CRITICAL"
     assert state_of(robot("a", error, **SILENT)) == "SILENT"
     assert state_of(robot("a", up=False, silent_reason="never_seen")) == "PENDING"
+    assert state_of(robot("a", up=False, silent_reason="uplink_down")) == "UNREACHABLE"
     assert state_of(robot("a")) == "OK"
 
 
