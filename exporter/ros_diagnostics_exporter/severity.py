@@ -17,13 +17,22 @@ from typing import Any, NamedTuple
 from ros_diagnostics_exporter.model import Unclaimed
 from ros_diagnostics_exporter.texts import natural, without_node
 
-SEVERITIES = {"SILENT": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
+SEVERITIES = {  # the ranks of prometheus/rules/states.yml
+    "CRITICAL": 6,
+    "SILENT": 5,
+    "UNREACHABLE": 3,
+    "STALE": 2,
+    "WARNING": 1,
+    "OK": 0,
+    "PENDING": -1,
+}
 STATE_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
 # State -> colour and that of a text on it; the same as the dashboards', for the colour-blind too.
 COLOURS = {
+    "CRITICAL": ("#C1121F", "#FFFFFF"),
     "SILENT": ("#1B3A86", "#FFFFFF"),
     "UNKNOWN": ("#3D3D3D", "#FFFFFF"),
-    "CRITICAL": ("#C1121F", "#FFFFFF"),
+    "UNREACHABLE": ("#90BEF8", "#000000"),
     "STALE": ("#9350C9", "#FFFFFF"),
     "WARNING": ("#FFD92F", "#000000"),
     "OK": ("#1F7F63", "#FFFFFF"),
@@ -80,6 +89,11 @@ OF_CAPABILITY_STATE = {  # of a capability, as the API has it -> state with the 
     "lost": ("CRITICAL", "lost"),
     "unknown": ("UNKNOWN", "not known"),
 }
+_OF_REASON = {  # all others: SILENT
+    "never_seen": "PENDING",
+    "uplink_down": "UNREACHABLE",
+    "domain_unreachable": "UNREACHABLE",
+}
 _OF_STATE = {"silent": "SILENT", "pending": "PENDING"}  # all others by their severity
 _WORSE = {
     "warning": ("stale", "critical"),
@@ -118,9 +132,12 @@ def component_state(level: str, before_stale: str | None, *, stale_is_critical: 
 
 
 def state_of(robot: dict[str, Any]) -> str:
-    """A robot's state in one word: SILENT is not received, PENDING never was."""
+    """A robot's state in one word: SILENT is not received, PENDING never was.
+
+    UNREACHABLE is one that is not received because of its uplink or its DDS domain.
+    """
     if not robot["up"]:
-        return "PENDING" if robot["silent_reason"] == "never_seen" else "SILENT"
+        return _OF_REASON.get(robot["silent_reason"], "SILENT")
     words = [judged_state(each) for each in robot["components"]]
     words += ["CRITICAL" for _short in robot["short_checks"]]
     words += [
@@ -134,6 +151,8 @@ def state_of(robot: dict[str, Any]) -> str:
 def problem_state(problem: dict[str, Any]) -> str:
     """A problem's state in one word of SEVERITIES: a robot that is not received is SILENT."""
     state: str = problem["state"]
+    if state == "silent" and problem.get("suppressed") == "unreachable":
+        return "UNREACHABLE"
     return _OF_STATE.get(state) or ("STALE" if state == "stale" else problem["severity"].upper())
 
 

@@ -66,11 +66,31 @@ def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
     """Return the text of each JSON file by its name, which is the dashboard's uid."""
     return {
         f"{board.uid}.json": json.dumps(
-            board, cls=JSONEncoder, indent=2, sort_keys=True, ensure_ascii=False
+            {**board.to_json(), "__requires": _required(board)},
+            cls=JSONEncoder,
+            indent=2,
+            sort_keys=True,
+            ensure_ascii=False,
         )
         + "\n"
         for board in boards
     }
+
+
+LEAST_GRAFANA = "9.5.0"
+
+
+def _required(board: dashboard.Dashboard) -> list[dict[str, str]]:
+    """Return what Grafana tells who imports a dashboard by hand: the parts that it needs."""
+    types = {
+        panel.type_val for panel in _with_rows(board) if not isinstance(panel, dashboard.RowPanel)
+    }
+    parts = [("grafana", "grafana", LEAST_GRAFANA), ("datasource", "prometheus", "1.0.0")]
+    parts += [("panel", each, "") for each in sorted(types)]
+    return [
+        {"type": kind, "id": identity, "name": identity.capitalize(), "version": version}
+        for kind, identity, version in parts
+    ]
 
 
 def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:

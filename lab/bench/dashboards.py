@@ -50,7 +50,7 @@ def history(robots: int, begin: float, end: float) -> Iterator[str]:
     name = "robot:ros_diagnostics_state:rank"
     yield f"# TYPE {name} gauge\n"
     for number in range(robots):
-        rank = 0 if number % FAULTY else 3
+        rank = 0 if number % FAULTY else 6
         series = f'{name}{{fleet="bench",robot="robot_{number}"}} {rank}'
         yield "".join(f"{series} {each}\n" for each in range(int(begin), int(end), RANKED))
     times = range(int(begin), int(end), INTERVAL)
@@ -153,7 +153,7 @@ def dashboard(options: argparse.Namespace) -> None:
     ):
         faulty = -(-options.robots // FAULTY)
         for what, expr in {
-            "faulty robots": f"count(robot:ros_diagnostics_state:rank == 3) == {faulty}",
+            "faulty robots": f"count(robot:ros_diagnostics_state:rank == 6) == {faulty}",
             "confirmed faults": "fleet:ros_diagnostics_fault_start:held",
         }.items():
             until(partial(site.query, expr), what, 300, every=1)

@@ -73,6 +73,7 @@ def filled(expr: str, selected: dict[str, str] | None = None) -> str:
     """The expression as Grafana sends it: with the variables' values, All unless ``selected``."""
     values = {
         "state": ">= -1",
+        "wall": "no site",
         "problems": "== 0",
         "target": "99",
         "__range": "1h",

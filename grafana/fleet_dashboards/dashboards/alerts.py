@@ -10,7 +10,7 @@ from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, reached, settled
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -19,7 +19,7 @@ _FLEET = 'fleet=~"$fleet"'
 _ALERTS = f'{_FLEET}, alertname!~"RosDiagnostics(Watchdog|Canary|Unacknowledged)"'
 _FIRES = f'alertstate="firing", {_ALERTS}'
 _FIRING = f"ALERTS{{{_FIRES}}}"
-_ALERT = "alertname, severity, fleet, site, robot, component"
+_ALERT = "alertname, severity, fleet, site, robot, component, check, key"
 # Where alerts are evaluated, so that none is good news.
 _EVALUATED = "exporter:ros_diagnostics_exporter:held"
 _COMPONENT = "by (fleet, robot, group, component)"
@@ -29,7 +29,7 @@ COMPONENT = (
     Column("component", "Component", link=links.TO_COMPONENT, min_width=130),
 )
 SEVERITY = Column(
-    "severity", "Severity", mappings=palette.severity_mappings(), width=90, background=True
+    "severity", "Severity", mappings=palette.severity_mappings(), width=100, background=True
 )
 # The same as a number: Grafana sorts by what is shown only, and texts by their letters.
 SEVERITY_RANKS = {severity: rank for rank, severity in enumerate(reversed(palette.SEVERITIES), 1)}
@@ -56,19 +56,18 @@ def build() -> builders.Dashboard:
             "Which alerts fire, were notifications sent, and how available were the robots?",
             [variables.fleet()],
             [
+                firing_alerts(),
                 *map(firing_by_severity, QUESTIONS),
                 suppressed(),
                 silences(),
                 acknowledged_count(),
-                firing_alerts(),
-                acknowledged(),
                 firing_over_time(),
                 fired(),
+                _what_some_have(),
                 "Notifications",
                 notifications_over_time(),
                 notifications(),
                 failed_notifications(),
-                flapping(),
                 "Availability in the time range",
                 availability_of_robots(),
                 availability(_FLEET),
@@ -80,6 +79,12 @@ def build() -> builders.Dashboard:
         .time("now-24h", "now")
         .refresh("1m")
     )
+
+
+def _what_some_have() -> builders.Row:
+    """Return a closed row of what is empty most of the time."""
+    row = builders.Row("Acknowledged and flapping").collapsed(True)
+    return row.with_panel(acknowledged()).with_panel(flapping())
 
 
 QUESTIONS = {
@@ -158,26 +163,49 @@ def _by_severity() -> str:
     return "\nor\n".join([*ordered, f"group by ({_ALERT}) ({_FIRING}) * 0"])
 
 
+_NAMED = f'label_join({HELD}{{fault!=""}}, "named", "", "check", "key")'
+_TEXT = label(
+    f'label_join({_NAMED}, "text", ": ", "named", "evidence")',
+    *("message", "$1", "text", "(?s:(?:: )?(.*))"),
+)
+_NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds > 0"
+
+
+def _of_fault(name: str, faults: str) -> str:
+    """Return each firing alert with the label ``name`` of its fault, one of several."""
+    named = f"topk by (fault) (1, group by (fault, {name}) ({faults}))"
+    firing = f"({_FIRING} * on (fault) group_left ({name}) {named})"
+    return f"topk by ({_ALERT}) (1, group by ({_ALERT}, {name}) {firing})"
+
+
 def firing_alerts() -> table.Panel:
     """List the firing alerts."""
     return tables.joined(
         "Firing alerts",
-        "Which alerts fire, where, and since when? The worst first. Since is when the trouble "
-        "began, of what is no fault of a robot when the alert became active. What is escalated "
-        "because nobody acknowledged it is not listed twice.",
+        "Which alerts fire, where, since when, and who was notified last? The worst first. Since "
+        "is when the trouble began, of what is no fault of a robot when the alert became active. "
+        "What is escalated because nobody acknowledged it is not listed twice.",
         {
             "A": _by_severity(),
             "B": f"{_ACTIVE_SINCE} * 1000",
-            "C": f"floor(time() - {_ACTIVE_SINCE})",
+            "C": _of_fault("message", _TEXT),
+            "D": _of_fault("receiver", _NOTIFIED),
+            "E": f"""
+              max by ({_ALERT}) (
+                {_FIRING} * 0 + on (fault) group_left () max by (fault) ({_NOTIFIED})
+              ) * 1000
+            """,
         },
         [
             SEVERITY_RANK,
-            Column("alertname", "Alert", width=330),
-            *COMPONENT,
-            Column("site", "Site", min_width=90),
-            Column("B", "Since", unit=tables.TIME, width=160),
-            Column("C", "For", unit=tables.DURATION, width=115),
-            tables.FLEET,
+            tables.ROBOT._replace(min_width=0, width=130),
+            Column("message", "Message", min_width=200),
+            Column("component", "Component", link=links.TO_COMPONENT, width=130),
+            Column("B", "Since", unit=tables.TIME, width=150),
+            Column("receiver", "Notified", width=100),
+            Column("E", "At", unit=tables.TIME, width=150),
+            Column("alertname", "Alert", width=250),
+            tables.FLEET._replace(hidden=True),
         ],
         empty=tables.Empty("No alert fires", _EVALUATED, "alertname"),
         sort=("Severity", "Since"),
@@ -187,16 +215,17 @@ def firing_alerts() -> table.Panel:
 
 def acknowledged() -> table.Panel:
     """List the acknowledged faults, with author and comment."""
+    named = f'label_join({ACKNOWLEDGED}{{{_FLEET}}}, "fault", " ", "check", "key", "state")'
     return tables.joined(
         "Acknowledged",
         "Who acknowledged which fault, when, and with which comment? Only present faults. "
         "Acknowledge with ros-diagnostics ack; the exporter needs --alertmanager.url.",
         {
-            "A": f"max by ({IDENTITY}, author, comment) ({ACKNOWLEDGED}{{{_FLEET}}}) * 1000",
+            "A": f"max by ({IDENTITY}, fault, author, comment) ({named}) * 1000",
             "B": f"max by ({IDENTITY}) ({HELD}{{{_FLEET}}}) * 1000",
         },
         [
-            Column("state", "Fault", width=90),
+            Column("fault", "Fault", width=150),
             *COMPONENT,
             Column("B", "Since", unit=tables.TIME, width=160),
             Column("A", "Acknowledged", unit=tables.TIME, width=160),
@@ -371,7 +400,7 @@ PARTS = {
     "stale": palette.STALE.colour,
     "critical": palette.CRITICAL.colour,
     "silent": palette.SILENT.colour,
-    "unreachable": palette.UNREACHABLE_COLOUR,
+    "unreachable": palette.UNREACHABLE.colour,
     "maintenance": palette.MAINTENANCE_COLOUR,
     "pending": palette.PENDING.colour,
     "undetermined": palette.UNDETERMINED_COLOUR,
@@ -420,7 +449,9 @@ or
 # A fault's value is its start: each other start is another time.
 _FAULTS = f"""
   sum by (fleet, robot) (
-    1 + changes({HELD_OF_ROBOT}{{{_FLEET}, severity="critical"}}[$__range])
+    max by (fleet, robot, fault) (
+      1 + changes({HELD_OF_ROBOT}{{{_FLEET}, severity="critical"}}[$__range])
+    )
   )
 """
 _LONGEST = f"""

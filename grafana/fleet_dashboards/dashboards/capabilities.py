@@ -126,7 +126,7 @@ def of_robot() -> table.Panel:
             ascending=("Capability",),
         )
         .height(7)
-        .span(9)
+        .span(24)
     )
 
 

@@ -200,7 +200,7 @@ def distances() -> timeseries.Panel:
 
 def outliers() -> table.Panel:
     """List the robots by the distance of their present value from the median."""
-    score = Column("C", "Score", width=120)
+    score = Column("C", "Score", width=120, background=True)
     panel = tables.joined(
         "Outliers",
         "Which robots' values are now farthest from the median, to either side? Coloured beyond a "
@@ -219,5 +219,5 @@ def outliers() -> table.Panel:
         empty=_NO_NUMBER,
     )
     colours = panels.steps((None, palette.NOTHING), (OUTLIER, palette.CRITICAL.colour)).build()
-    cell = {**tables.BACKGROUND, "thresholds": colours, "decimals": 1}
+    cell = {"thresholds": colours, "decimals": 1}
     return panel.override_by_name(score.title, [panels.look(*each) for each in cell.items()])

@@ -9,17 +9,19 @@ from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseri
 from grafana_foundation_sdk.models import common
 from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
-from fleet_dashboards.dashboards import capabilities
+from fleet_dashboards.dashboards import capabilities, missions
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
     HELD,
     HELD_OF_ROBOT,
+    UPLINK,
     answering,
     in_order,
     label,
     message_age,
+    named,
     reached,
     settled,
     worst,
@@ -48,26 +50,21 @@ def build() -> builders.Dashboard:
             variables.state(),
             variables.problems(),
             variables.worst(worst(*_of_robots(), LINES)),
+            variables.wall(_at_site(_SELECTED)),
         ],
         [
             robots_by_state(),
-            number_of_problems(),
             problems(),
             wall(),
             states_of_robots(),
-            capabilities.of_robots(_CHOSEN, _PROOF),
-            capabilities.of_fleet(_STATES, _PROOF),
             health(),
+            number_of_problems(),
             share_working(),
             components_by_state(),
             robots(),
+            _what_some_use(),
         ],
     )
-
-
-# The label "state" of the recorded counts; robots behind a dead uplink are silent, too.
-STATE_LABELS = {state.word: state.word.lower() for state in palette.STATES}
-STATE_LABELS["SILENT"] = "silent|unreachable"
 
 
 def robots_by_state() -> stat.Panel:
@@ -76,8 +73,8 @@ def robots_by_state() -> stat.Panel:
     number = panels.number(
         "Robots by state",
         "How many robots are in each state? CRITICAL: an error, or fewer components than "
-        "expected. SILENT: nothing is received. UNKNOWN: its exporter does not answer. STALE: a "
-        "component stopped reporting. WARNING: it works, "
+        "expected. SILENT: nothing is received. UNKNOWN: its exporter does not answer. "
+        "UNREACHABLE: its uplink fails. STALE: a component stopped reporting. WARNING: it works, "
         "but needs attention. PENDING: declared in fleet.yml, never received. A question mark: not "
         "known while an exporter does not answer. A click filters by the state.",
         counts[palette.CRITICAL],
@@ -85,26 +82,37 @@ def robots_by_state() -> stat.Panel:
     panel = panels.on_colour(number).targets(
         [
             panels.at_end(expr, state.word, ref)
-            for ref, (state, expr) in zip("ABCDEFG", counts.items(), strict=True)
+            for ref, (state, expr) in zip("ABCDEFGH", counts.items(), strict=True)
         ]
     )
     for state in counts:
         link = {"title": f"Only {state.word}", "url": links.to_fleet(quote(f"== {state.rank}"))}
         look = [*panels.counted(state), panels.look("links", [link])]
         panel = panel.override_by_name(state.word, look)
-    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(20).height(3)
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(24).height(3)
 
 
 def _count(state: palette.State) -> str:
     """Return the number of robots in a state; 0 only where all exporters answer, else NaN."""
     all_robots = f"sum({_COUNT}{{{_MATCHERS}}})"
     return f"""
-      sum({_COUNT}{{{_MATCHERS}, state=~"{STATE_LABELS[state.word]}"}})
+      sum({_COUNT}{{{_MATCHERS}, state="{state.word.lower()}"}})
     or
       ({all_robots} * 0 and on () ({_PROOF}))
     or
       {all_robots} * 0 / 0
     """
+
+
+def _what_some_use() -> builders.Row:
+    """Return a closed row of what not every site has, which takes no room."""
+    row = builders.Row("Capabilities").collapsed(True)
+    for panel in (
+        capabilities.of_robots(_CHOSEN, _PROOF),
+        capabilities.of_fleet(_STATES, _PROOF),
+    ):
+        row = row.with_panel(panel)
+    return row
 
 
 _COMPONENT = "fleet, robot, group, component"
@@ -122,8 +130,8 @@ def _listed(handled: str) -> str:
         covered=f"""
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"many|flapping"}}
 """,
+        chosen="${state:raw}",
         filters=f"""
-${{state:raw}}
   unless on ({IDENTITY})
     (group by ({IDENTITY}) ({ACKNOWLEDGED}) {handled})
   unless on (fleet, robot)
@@ -153,7 +161,7 @@ def number_of_problems() -> stat.Panel:
     return (
         panels.number(
             "Number of problems",
-            "How many problems are listed below, and how many of them are unhandled: neither "
+            "How many problems are listed above, and how many of them are unhandled: neither "
             "acknowledged nor planned? A question mark: not known while an exporter does not "
             "answer.",
             listed,
@@ -167,7 +175,7 @@ def number_of_problems() -> stat.Panel:
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
         .span(4)
-        .height(3)
+        .height(8)
     )
 
 
@@ -185,37 +193,36 @@ def problems() -> table.Panel:
         _MATCHERS,
         of_states=_STATES,
         proof=_PROOF,
-    ).height(7)
+    ).height(14)
 
 
 # --- The fleet as a whole ---
 
 
 def share_working() -> stat.Panel:
-    """Show the share of robots that work."""
-    return (
-        panels.number(
-            "Working robots",
-            "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
-            "no exporter answers.",
-            f"""
-              (
-                  sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
-                or
-                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 and on () ({_PROOF})
-                or
-                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 / 0
-              )
-            /
-              sum({_COUNT}{{{_MATCHERS}, state!="pending"}})
-            """,
-            "percentunit",
-        )
-        .mappings(palette.UNKNOWN_NUMBER)
-        .decimals(0)
-        .span(6)
-        .height(8)
-    )
+    """Show the share of robots that work, and what became of their missions."""
+    known = f'sum({_COUNT}{{{_MATCHERS}, state!="pending"}})'
+    working = f"""
+      (
+          sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
+        or
+          {known} * 0 and on () ({_PROOF})
+        or
+          {known} * 0 / 0
+      )
+    /
+      {known}
+    """
+    panel = panels.number(
+        "Working robots",
+        "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
+        "no exporter answers. Where robots have missions, also which share of their goals they "
+        "reached in the last 24 hours, and how often somebody had to help for each hour in "
+        "which they worked by themselves: a click opens them.",
+        working,
+        "percentunit",
+    ).targets([panels.at_end(working, "working now")])
+    return missions.beside(panel.mappings(palette.UNKNOWN_NUMBER).decimals(0).span(4).height(8))
 
 
 LEVELS = {
@@ -237,7 +244,7 @@ def components_by_state() -> stat.Panel:
             "level",
             LEVELS,
         )
-        .span(6)
+        .span(4)
         .height(8)
     )
 
@@ -245,7 +252,6 @@ def components_by_state() -> stat.Panel:
 def health() -> timeseries.Panel:
     """Show the robots by state over time, the worst at the bottom."""
     states = [(state.word, state.word.lower(), state.colour) for state in palette.WORST_FIRST]
-    states.insert(2, ("UNREACHABLE", "unreachable", palette.UNREACHABLE_COLOUR))
     none = {"UNKNOWN": f" or sum({_COUNT}{{{_MATCHERS}}}) * 0"}  # in most fleets there never is one
     panel = panels.graph(
         "Health of the fleet",
@@ -269,11 +275,13 @@ def wall() -> stat.Panel:
     """Show a tile for each robot in the colour of its state; a click opens the robot."""
     found = f"""
       ({_RANK} ${{state:raw}})
-    * on (fleet, robot) group_left (site, robot_group)
-      {_SELECTED}
+    * on (fleet, robot) group_left (site, robot_group, at)
+      ({_at_site(_SELECTED)} unless on (fleet, robot) {UPLINK})
+    and on (at)
+      {label("vector(0)", "at", "${wall:raw}")}
     """
-    named = in_order(_named_to_fit(found))
-    sorted_by = f'label_join({named}, "place", " ", "site", "robot_group", "order")'
+    tiles = in_order(_named_to_fit(panels.tidy(found)))
+    sorted_by = f'label_join({tiles}, "place", " ", "robot_group", "order")'
     query = panels.at_end(sorted_by)
     # Each row becomes a field: its other columns are labels, for the link.
     fields = [
@@ -283,10 +291,11 @@ def wall() -> stat.Panel:
     ]
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     panel = panels.number(
-        "All robots",
-        "In which state is each robot? A tile for each, by site, group and name. A click opens "
-        f"the robot. With more than {_LONG} robots a tile has the first character of the name and "
-        f"its number, with more than {_SHORT} no name.",
+        "All robots of $wall",
+        "In which state is each robot? A tile for each, by group and name; a panel for each site. "
+        "A click opens the robot. A long name is shortened. With more than "
+        f"{_LONG} robots a tile has the first character of the name and its number, with more than "
+        f"{_SHORT} no name.",
         found,
     )
     return (
@@ -301,11 +310,20 @@ def wall() -> stat.Panel:
         .text_mode(common.BigValueTextMode.NAME)
         .display_name("${__field.name}")  # without labels
         .data_links([link])
+        .repeat("wall")
+        .repeat_direction("v")
         .span(24)
-        .height(8)
+        .height(4)
     )
 
 
+def _at_site(robots: str) -> str:
+    """Add a label ``at``: the robot's site, also where it has none."""
+    at = label(robots, "at", "$1", "site", "(.+)")
+    return label(at, "at", NO_SITE, "site", "")
+
+
+NO_SITE = "no site"
 _LONG = 40  # tiles that have room for names on a phone
 _SHORT = 220  # and that are wider than their margins: else Grafana writes over the others
 
@@ -313,6 +331,8 @@ _SHORT = 220  # and that are wider than their margins: else Grafana writes over 
 def _named_to_fit(robots: str) -> str:
     """Add a label ``name``: the robot's, shorter the more tiles there are."""
     full = label(robots, "name", "$1", "robot", "(.*)")
+    # One that is long would make the text of all tiles small.
+    full = label(full, "name", "$1\u2026$2", "robot", "(.{4}).{6,}?(.{0,3})")
     start = label(robots, "name", "$1", "robot", "(.{1,4}).*")
     short = label(start, "name", "$1$2", "robot", "(.).*?([0-9]{1,4})")
     return f"""
@@ -335,16 +355,20 @@ def states_of_robots() -> statetimeline.Panel:
     read = f'robot:ros_diagnostics_state:rank{{fleet=~"$fleet", {variables.WORST}}}'
     expr = in_order(f"max_over_time({read}[$__interval])")
     placed = worst_first(expr, *_of_robots(" @ end()"), most=LINES)
+    fleets = f"group by (fleet) ({_SELECTED})"
+    several = f"({label(fleets, 'of', '$1/', 'fleet', '(.*)')} and on () count({fleets}) > 1)"
+    placed = f"({placed}) * on (fleet) group_left (of) ({several} or on (fleet) {fleets})"
     panel = panels.timeline(
         "States of the robots",
         "When was which robot in which state? The worst state of each step, of at least ten "
         "seconds. The 15 robots that are worst at the end of the range, of equal ones the oldest "
         "fault first: filter to see others.",
-        panels.over_time(placed, "{{fleet}}/{{robot}}").interval("10s"),
+        panels.over_time(named(placed), "{{of}}{{who}}").interval("10s"),
     )
     # Without a legend, by Grafana 9's option, too: the words of the colours are at the top.
     legend = panels.legend().show_legend(False).display_mode(common.LegendDisplayMode.HIDDEN)
-    return panel.max_data_points(400).data_links([link]).legend(legend).height(7)
+    then = builders.DashboardLink("The robot at that moment").url(links.TO_ROBOT_THEN)
+    return panel.max_data_points(400).data_links([link, then]).legend(legend).height(12)
 
 
 LINES = 15  # of a timeline: names of more are not legible

@@ -72,6 +72,23 @@ def success() -> stat.Panel:
     )
 
 
+def beside(panel: stat.Panel, refs: str = "BC") -> stat.Panel:
+    """Add to a panel what became of the goals of a day; nothing where there are no missions."""
+    success, helped = (
+        f"fleet:ros_diagnostics_{each}:ratio1d{{{variables.FLEET}}}"
+        for each in ("goal_success", "interventions_per_hour")
+    )
+    link = {"title": "Open the missions", "url": links.TO_MISSIONS}
+    per_hour = [panels.look("unit", "none"), panels.look("decimals", 2)]
+    return (
+        panel.with_target(panels.at_end(success, "goals reached of {{fleet}}", refs[0]))
+        .with_target(panels.at_end(helped, "interventions per hour of {{fleet}}", refs[1]))
+        .override_by_regexp("/^goals|^interventions/", [panels.look("links", [link])])
+        .override_by_regexp("/^interventions/", per_hour)
+        .text_mode(common.BigValueTextMode.AUTO)
+    )
+
+
 def unknown() -> stat.Panel:
     """Show of which share nobody knows how it ended."""
     return _number(

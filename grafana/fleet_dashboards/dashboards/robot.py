@@ -41,20 +41,18 @@ def build() -> builders.Dashboard:
         "What is wrong with this robot, and what was wrong before?",
         [variables.fleet(), variables.robot(), variables.components(), variables.unit()],
         [
+            problems(),
             state(),
             since(),
             connection(),
             message_age_now(),
             clock_offset(),
             maintenance(),
-            capabilities.of_robot(),
-            problems(),
             states_of_components(),
+            all_components(),
             batteries(),
             temperatures(),
-            all_components(),
-            checks(),
-            groups(),
+            _what_some_have(),
             "Values",
             values_without_unit(),
             promoted_values(),
@@ -72,6 +70,14 @@ def build() -> builders.Dashboard:
         ],
     )
     return board.annotation(state_changes()).annotation(alerts_begin())
+
+
+def _what_some_have() -> builders.Row:
+    """Return a closed row of what not every robot has, which takes no room."""
+    row = builders.Row("Capabilities, checks and groups").collapsed(True)
+    for panel in (capabilities.of_robot(), checks(), groups()):
+        row = row.with_panel(panel)
+    return row
 
 
 # --- Annotations: marks, not areas; Grafana queries them at least once a minute ---
@@ -131,7 +137,7 @@ def connection() -> stat.Panel:
     receiving = label(f"ros_diagnostics_robot_up{{{_ROBOT}}} == 1", "reason", "receiving")
     return panels.texts(
         "Connection",
-        "Are messages received, and if not, why? The problem below has more words.",
+        "Are messages received, and if not, why? The problem above has more words.",
         f"""
           max by (reason) ({receiving})
         or
@@ -196,7 +202,7 @@ def problems() -> table.Panel:
         proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
         hidden=("Robot",),
     )
-    return listed.height(7).span(15)
+    return listed.height(8)
 
 
 _MESSAGES = f"""
@@ -221,7 +227,7 @@ def states_of_components() -> statetimeline.Panel:
             ),
             "{{component}}",
         ),
-    )
+    ).data_links([builders.DashboardLink("The robot at that moment").url(links.TO_ROBOT_THEN)])
 
 
 _HARDWARE = f"""
@@ -237,8 +243,8 @@ def all_components() -> table.Panel:
     """List all components by group."""
     return tables.joined(
         "All components",
-        "What is the state of each component, by group, and what is its present message? Changes "
-        "are those of the time range.",
+        "What is the state of each component, and what is its present message? The worst first, "
+        "then by group. Changes are those of the time range.",
         {
             "A": _RANK,
             "B": f"max {_BY} ({_SINCE}) * 1000",
@@ -260,7 +266,7 @@ def all_components() -> table.Panel:
             Column("E", "Changes", width=90),
             Column("hardware_id", "Hardware", min_width=120),
         ],
-        sort=("Group", "Component"),
+        sort=("State", "Group", "Component"),
         ascending=("Group", "Component"),
     ).height(12)
 
@@ -303,7 +309,7 @@ def groups() -> table.Panel:
             "Groups as the robot's aggregator reports them",
             "Which state does the robot's own aggregator give each group? Its roll-up differs "
             "between versions, so nothing else here is computed from it.",
-            {"A": f"{level} ^ 3 % 5"},  # a level's rank: STALE (3) is 2, ERROR (2) is 3
+            {"A": f"({level} == 2) + 4 or ({level} == 3) - 1 or {level}"},  # a level's rank
             [tables.STATE, Column("group", "Group")],
             empty=tables.Empty(
                 "Its messages are not aggregated", f"ros_diagnostics_robot_up{{{_ROBOT}}}", "group"

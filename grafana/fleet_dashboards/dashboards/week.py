@@ -9,7 +9,7 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import in_order, reached, settled
+from fleet_dashboards.lib.promql import in_order, label, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -18,6 +18,7 @@ _BEFORE = " offset 7d"
 _AVAILABLE = ', part=~"ok|warning"'
 _COUNTED = ', part!~"maintenance|undetermined|pending"'
 _DAYS = 7
+_NAMES = ("Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat")
 
 
 def build() -> builders.Dashboard:
@@ -26,23 +27,23 @@ def build() -> builders.Dashboard:
         new_dashboard(
             links.WEEK_UID,
             "The week",
-            "How available were the robots in the seven days until the end of the time range, and "
-            "how long did faults take, beside the week before?",
+            "How available were the robots in the last seven days, today included, and how long "
+            "did faults take, beside the week before?",
             [variables.fleet(), variables.target()],
             [
                 share(),
                 budget(),
-                faults(),
-                to_acknowledge(),
-                to_recover(),
-                notifications(),
+                panels.now(faults()),
+                panels.now(to_acknowledge()),
+                panels.now(to_recover()),
+                panels.now(notifications()),
                 by_day(),
-                worst_parts(),
-                by_night(),
+                panels.now(worst_parts()),
+                panels.now(by_night()),
                 availability(_FLEET),
             ],
         )
-        .time("now-7d", "now")
+        .time("now-6d/d", "now/d")  # whole days of the browser's time zone
         .refresh("5m")
     )
 
@@ -193,33 +194,55 @@ def _times(title: str, description: str, what: str) -> table.Panel:
 def by_day() -> table.Panel:
     """Show the availability of each robot on each day."""
     robot = "fleet, robot"
-    shifts = ["", *(f" offset {back}d" for back in range(1, _DAYS))]
-    days = {
-        chr(ord("B") + number): _share(robot, "robot", "1d", shift)
-        for number, shift in enumerate(reversed(shifts))
-    }
-    titles = [*(f"{back} d before" for back in range(_DAYS - 1, 0, -1)), "Last 24 h"]
-    return tables.joined(
+    week = in_order(_share(robot, "robot"))
+    days = [
+        f"{in_order(_share(robot, 'robot', '1d', f' offset {back}d' if back else ''))}"
+        f" * on () group_left (day) {_day(back)}"
+        for back in range(_DAYS - 1, -1, -1)
+    ]
+    known = label(in_order(f"({_seconds(robot, 'robot', '')})"), "day", "Known for")
+    expr = "\nor\n".join([label(f"({week})", "day", "Week"), known, *days])
+    return tables.pivot(
         "Availability by day",
-        "On which days was which robot available? The worst first; the last of seven days ends "
-        "with the time range.",
-        {"A": in_order(_share(robot, "robot")), **days},
+        "On which days was which robot available? The worst first. Days are those of the "
+        "browser's time zone, the last one is today. Known for says how much of the week the robot "
+        "has been known.",
+        expr,
         [
             tables.ROBOT_IN_ORDER,
-            _availability("A", "Week"),
-            *(_availability(ref, title) for ref, title in zip(days, titles, strict=True)),
+            Column(
+                "Week",
+                "Week",
+                "percentunit",
+                palette.share_mappings(),
+                width=95,
+                decimals=2,
+                background=True,
+            ),
+            Column("Known for", "Known for", unit="s", width=95, decimals=1),
             tables.FLEET,
             tables.NAME,
         ],
-        by=robot,
-        sort=("Week", "Robot"),
-        ascending=("Week", "Robot"),
+        label="day",
+        sort="Week",
+        others=palette.share_mappings(),
+        unit="percentunit",
+        descending=False,
     ).height(12)
 
 
-def _availability(ref: str, title: str) -> Column:
-    mappings = palette.share_mappings()
-    return Column(ref, title, "percentunit", mappings, width=95, decimals=2, background=True)
+def _day(back: int) -> str:
+    """Return a series with the name of a day that ends with the time range in its label ``day``.
+
+    PromQL has dates in UTC: at noon a day has the same date in any time zone.
+    """
+    noon = f"vector(time() - {back * 86400 + 43200})"
+    named = f'count_values("weekday", day_of_week({noon}))'
+    for number, name in enumerate(_NAMES):
+        named = label(named, "weekday", name, "weekday", str(number))
+    dated = f'count_values("date", day_of_month({noon}))'
+    joined = f"({named} * on () group_left (date) {dated})"
+    return f'label_join({joined}, "day", " ", "weekday", "date")'
 
 
 def worst_parts() -> table.Panel:

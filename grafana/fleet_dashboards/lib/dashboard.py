@@ -8,8 +8,9 @@ from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.cog import builder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards.lib import banner, links, variables
+from fleet_dashboards.lib import banner, links, panels, variables
 
+REVISION = 2  # one more with each release that changes them: who imports by hand compares it
 Content = builder.Builder[dashboard.Panel] | str | builders.Row  # a text starts a new row
 
 
@@ -24,19 +25,20 @@ def new_dashboard(
     board = (
         builders.Dashboard(title)
         .uid(uid)
+        .revision(REVISION)
         .description(question)
         .tags([links.TAG])
         .timezone("browser")
         .time("now-1h", "now")
         .refresh("10s")
         .tooltip(dashboard.DashboardCursorSync.CROSSHAIR)
-        .readonly()
+        .editable()
         .link(_others())
         .with_variable(variables.datasource())
     )
     for variable in variables_shown:
         board = board.with_variable(variable)
-    for each in (banner.monitoring(), banner.data_as_of(), *content):
+    for each in (panels.now(banner.monitoring()), panels.now(banner.data_as_of()), *content):
         if isinstance(each, str):
             board = board.with_row(builders.Row(each))
         elif isinstance(each, builders.Row):

@@ -30,6 +30,11 @@ TO_ROBOT = f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_column('Fleet')}&var-robot={_c
 TO_ROBOT_IN_ORDER = (  # where the column Robot is the label "order"
     f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_column('Fleet')}&var-robot={_column('Name')}"
 )
+# The same from a problem, to what its row is about: a robot, a site, or a component of many robots.
+OF_WHO = (
+    f"/d/{_column('Board')}?{_COMMON}&var-fleet={_column('Fleet')}&var-robot={_column('Name')}"
+    f"&var-site={_column('Site')}&var-component={_column('Component')}"
+)
 TO_COMPONENT = (
     f"/d/{COMPONENT_UID}?{_COMMON}&var-fleet={_column('Fleet')}"
     f"&var-component={_column('Component')}"
@@ -37,7 +42,7 @@ TO_COMPONENT = (
 # From a problem to the pages of an exporter, by the address at which Prometheus scrapes it.
 _PROBLEM = f"http://${{__data.fields.Exporter}}/problem?fault={_column('Fault')}"
 OF_PROBLEM = (
-    ("Why, acknowledge, plan a downtime", f"{_PROBLEM}&robot={_column('Robot')}"),
+    ("Why, acknowledge, plan a downtime", f"{_PROBLEM}&robot={_column('Name')}"),
     ("Runbook", f"{_PROBLEM}&scope={_column('Scope')}&state={_column('Kind')}"),
 )
 # From the dashboard of a robot.
@@ -48,6 +53,10 @@ TO_COMPONENT_OF_FLEET = (
 TO_ROBOT_OF_SERIES = (
     f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_label('fleet')}&var-robot={_label('robot')}"
 )
+# The same at the time of the mark under the pointer: tables show what was true then.
+_THEN = "${datasource:queryparam}&from=${__from}&to=${__value.time}"
+TO_ROBOT_THEN = f"/d/{ROBOT_UID}?{_THEN}&var-fleet={_label('fleet')}&var-robot={_label('robot')}"
+TO_MISSIONS = f"/d/{MISSIONS_UID}?{_COMMON}&${{fleet:queryparam}}"
 TO_MONITORING = f"/d/{MONITORING_UID}?{_COMMON}"
 
 

@@ -25,15 +25,15 @@ PENDING = State(-1, "PENDING", "#D0D0D0")
 OK = State(0, "OK", "#1F7F63")
 WARNING = State(1, "WARNING", "#FFD92F")
 STALE = State(2, "STALE", "#9350C9")
-CRITICAL = State(3, "CRITICAL", "#C1121F")
-SILENT = State(4, "SILENT", "#1B3A86")
-UNKNOWN = State(5, "UNKNOWN", "#3D3D3D")  # its exporter does not answer
-STATES = (PENDING, OK, WARNING, STALE, CRITICAL, SILENT, UNKNOWN)  # in the order of their ranks
-WORST_FIRST = (CRITICAL, SILENT, STALE, WARNING, OK, PENDING, UNKNOWN)
+UNREACHABLE = State(3, "UNREACHABLE", "#90BEF8")  # its uplink fails: that is the fault
+UNKNOWN = State(4, "UNKNOWN", "#3D3D3D")  # its exporter does not answer
+SILENT = State(5, "SILENT", "#1B3A86")
+CRITICAL = State(6, "CRITICAL", "#C1121F")
+STATES = (PENDING, OK, WARNING, STALE, UNREACHABLE, UNKNOWN, SILENT, CRITICAL)  # by rank
+WORST_FIRST = STATES[::-1]
 
 # The other parts of the availability report.
 MAINTENANCE_COLOUR = "#8C6D46"
-UNREACHABLE_COLOUR = "#A9CDF0"
 UNDETERMINED_COLOUR = "#6E6E6E"
 NEUTRAL = "#3871C9"  # of a word that is neither good nor bad
 TEXT = "text"  # Grafana's name for the colour of text in the present theme

@@ -7,12 +7,14 @@ Only panel types that Grafana has had since 9.5 are used.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 from grafana_foundation_sdk.builders import (
     bargauge,
     prometheus,
     stat,
     statetimeline,
+    table,
     timeseries,
 )
 from grafana_foundation_sdk.builders import common as common_builders
@@ -24,6 +26,7 @@ from fleet_dashboards.lib import palette
 from fleet_dashboards.lib.variables import DATASOURCE
 
 NO_DATA = "No data"
+Shown = TypeVar("Shown", stat.Panel, bargauge.Panel, table.Panel)
 WIDTH = 24  # of Grafana's grid; on a phone every panel is as wide as the screen
 
 
@@ -94,6 +97,16 @@ def texts(
         .targets([query])
         .reduce_options(reduced.fields(f"/^{label}$/"))
     )
+
+
+def now(panel: Shown) -> Shown:
+    """Show what is now, also where the time range ends later: with the day."""
+    return panel.time_from("5m").hide_time_override(True)
+
+
+def text_of(size: int) -> common_builders.VizTextDisplayOptions:
+    """Return the size of texts in pixels; else that of one is large, and that of three small."""
+    return common_builders.VizTextDisplayOptions().value_size(size)
 
 
 def counts(

@@ -1,14 +1,19 @@
-"""The table of problems: confirmed faults, and what is in trouble and not confirmed yet."""
+"""The table of problems: confirmed faults, and what is in trouble and not confirmed yet.
+
+A row's value is the rank of its state, 10 more if it concerns many robots, and 10 less if another
+problem or a downtime explains it. By that number the rows are sorted.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from grafana_foundation_sdk.builders import table
+from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label, silent_reason
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, UPLINK, label, named, silent_reason
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -18,6 +23,9 @@ _NESTED = "fleet, scope, robot, group, component, check, key, bound"
 _COMPONENT = "fleet, robot, group, component"
 
 
+MANY = 10  # added to the rank of what concerns many robots, and subtracted from what is explained
+
+
 class _Kind(NamedTuple):
     """Faults that are shown alike: which, in which state, and what is put before their evidence."""
 
@@ -25,12 +33,13 @@ class _Kind(NamedTuple):
     state: State
     text: str = ""  # $1 is the label `named_by`
     named_by: str = ""
-    of_many: bool = False  # robots
     under: str = "critical|stale|lost"  # worse states: a warning goes on under them
+    board: str = links.ROBOT_UID  # which shows more of it
 
 
+_CRITICAL = _Kind('scope="component", state="critical"', palette.CRITICAL)
 _KINDS = (
-    _Kind('scope="component", state="critical"', palette.CRITICAL),
+    _CRITICAL,
     _Kind('scope="component", state="stale"', palette.STALE),
     _Kind('scope="component", state="warning"', palette.WARNING),
     _Kind('scope="value", state="critical"', palette.CRITICAL, text="$1", named_by="key"),
@@ -60,26 +69,49 @@ _KINDS = (
     ),
     _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
     _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
-    _Kind('scope="site", site=""', palette.SILENT, "many robots are silent", of_many=True),
+)
+_OF_MANY = (
+    _Kind('scope="site", site=""', palette.SILENT, "many robots are silent", board=links.FLEET_UID),
     _Kind(
         'scope="site", site!=""',
         palette.SILENT,
         "many robots of site $1 are silent",
         "site",
-        of_many=True,
+        board=links.FLEET_UID,
     ),
-    _Kind('scope="common"', palette.CRITICAL, "on many robots at once", of_many=True),
+    _Kind('scope="common"', palette.CRITICAL, "on many robots at once", board=links.COMPONENT_UID),
 )
 
 
-def _confirmed(matchers: str, members: str) -> str:
-    """Return the confirmed faults with the rank of their states, and a message."""
-    return "\nor\n".join(_ranked(kind, matchers, members) for kind in _KINDS)
+def _confirmed(matchers: str) -> str:
+    """Return the confirmed faults of single robots with the rank of their states, and a message."""
+    listed = "\nor\n".join(_ranked(kind, matchers) for kind in _KINDS)
+    return named(f"(\n{listed}\n)")
 
 
-def _ranked(kind: _Kind, matchers: str, members: str) -> str:
+def _of_many(matchers: str, members: str) -> str:
+    """Return the faults of many robots, with their number in the label ``who``.
+
+    That of an uplink is one, too: its robots are out of reach.
+    """
+    down = f"({_ranked(_CRITICAL, matchers)} and on (fleet, robot) {UPLINK})"
+    listed = "\nor\n".join(_ranked(kind, matchers, members) for kind in _OF_MANY)
+    robots = f'group by (fault, fleet, robot) ({HELD_OF_ROBOT}{{scope=~"site|common"}})'
+    number = f'count_values by (fault) ("who", count by (fault) ({robots}))'
+    return f"""
+      (
+{listed}
+      )
+    * on (fault) group_left (who)
+      {label(number, "who", "$1 robots", "who", "(.*)")}
+    or
+      {named(down)}
+"""
+
+
+def _ranked(kind: _Kind, matchers: str, members: str = "") -> str:
     found = f"{HELD}{{{matchers}, {kind.matchers}}}"
-    if kind.of_many and members:
+    if members:
         found = f"({found} and on (fault) {HELD_OF_ROBOT}{{{members}}})"
     found = f"{found} * 0 + {kind.state.rank}"
     if kind.state is palette.WARNING:
@@ -87,34 +119,51 @@ def _ranked(kind: _Kind, matchers: str, members: str) -> str:
         found = f"({found} unless on ({_NESTED}) {worse})"
     if kind.state is palette.STALE:
         found = f'({found} unless on ({_NESTED}) {HELD}{{{matchers}, state="critical"}})'
+    found = label(found, "board", kind.board)
     if not kind.text:
         return label(found, "message", "$1", "evidence", "(?s:(.*))")
     found = label(found, "message", kind.text, kind.named_by, "(.*)")
     return f'label_join({found}, "message", ": ", "message", "evidence")'
 
 
-def _soft(matchers: str, covered: str) -> str:
+_SUPPRESSED = "ros_diagnostics_component_suppressed"
+_REASONS = 'reason=~"uplink_down|domain_unreachable"'
+
+
+def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     """Return what is in trouble and not confirmed, as ranks with a message.
 
     Nothing is known of the components of a silent robot, nor of those of an exporter that does not
-    answer, and ``covered`` is shown as one fault.
+    answer. ``covered`` is shown as one fault, and so are the robots of an uplink that is one of the
+    ``faults``. ``chosen`` compares ranks.
     """
     components = f"component:ros_diagnostics_state:rank{{{matchers}}}"
-    planned = "ros_diagnostics_component_planned_stale"
     robots = f"robot:ros_diagnostics_state:rank{{{matchers}}}"
     up = f"max by (fleet, robot) (ros_diagnostics_robot_up{{{matchers}}})"
     received, silent = f"{up} == 1", f"{up} == 0"
+    behind = f"(ros_diagnostics_robot_silent_reason{{{matchers}, {_REASONS}}} == 1)"
+    planned = f"(ros_diagnostics_robot_maintenance{{{matchers}}} == 1)"
+    component_planned = f"(ros_diagnostics_component_maintenance{{{matchers}}} == 1)"
+    suppressed = f"""
+      {_SUPPRESSED}{{{matchers}}}
+      or {component_planned}
+      or ({components} and on (fleet, robot) {planned})
+"""
     component = f"""
-    {components}
-    unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
+    ({components} {chosen})
+    unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT})
+      ros_diagnostics_component_planned_stale == 1)
     unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common|capability"}}
     and on (fleet, robot) ({received})
 {covered}
 """
     robot = f"""
-    {robots} and on (fleet, robot) ({silent})
+    ({robots} {chosen})
+    and on (fleet, robot) ({silent})
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
     unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
+    unless on (fleet, robot) ({behind} and on (fleet)
+      ({HELD}{{{faults}, {_CRITICAL.matchers}}} and on (fleet, robot) {UPLINK}))
 """
     # Of few components, before they are grouped: there are messages of all.
     message = f"""
@@ -123,23 +172,35 @@ def _soft(matchers: str, covered: str) -> str:
     )
 """
     reason = label(silent_reason(matchers), "message", "$1", "reason", "(.*)")
-    found = f"{_with_message(component, message, _COMPONENT)}\nor\n"
-    found += _with_message(robot, reason, "fleet, robot")
-    return f"({found})"
+    found = f"""(
+{_described(component, components, _COMPONENT, message, suppressed)}
+    or
+{_described(robot, robots, "fleet, robot", reason, f"{behind} or {planned}")}
+    )"""
+    return named(label(found, "board", links.ROBOT_UID))
 
 
-def _with_message(expr: str, messages: str, by: str) -> str:
+def _described(rows: str, ranks: str, by: str, messages: str, suppressed: str) -> str:
+    """Return the rows with their messages, and lower those of which ``suppressed`` has a series.
+
+    ``ranks`` are of all that there may be: what has no message, or is not suppressed, is among
+    them. So ``rows``, which cost most, are computed once.
+    """
     return f"""
   (
-{expr}
+{rows}
   )
 + on ({by}) group_left (message)
-  0 * topk by ({by}) (1,
-{messages}
-  )
-or on ({by})
   (
-{expr}
+    0 * topk by ({by}) (1,
+{messages}
+    )
+    or on ({by}) 0 * {ranks}
+  )
+- on ({by}) group_left ()
+  (
+    {MANY} * group by ({by}) ({suppressed})
+    or on ({by}) 0 * {ranks}
   )
 """
 
@@ -176,35 +237,49 @@ def _care(matchers: str, states: str) -> str:
     soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
     planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
     parts = f"ros_diagnostics_component_maintenance{{{states}}} == 1"
-    reasons = 'reason=~"uplink_down|domain_unreachable"'
-    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
-    suppressed = f"ros_diagnostics_component_suppressed{{{states}"
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{_REASONS}}} == 1)"
+    suppressed = f"{_SUPPRESSED}{{{states}"
     found = _first_of(
         f"""
-    label_join({ACKNOWLEDGED}{{{matchers}}}, "care", ": ", "author", "comment")
+    label_join(
+      {label(f"{ACKNOWLEDGED}{{{matchers}}}", "by", "acknowledged by $1", "author", "(.*)")},
+      "care", ": ", "by", "comment"
+    )
 """,
-        label(f"(({faults} or {soft}) and {planned})", "care", "planned"),
-        label(f"(({faults} or {soft}) and on ({_COMPONENT}) {parts})", "care", "planned"),
+        label(f"(({faults} or {soft}) and {planned})", "care", "maintenance"),
+        label(f"(({faults} or {soft}) and on ({_COMPONENT}) {parts})", "care", "maintenance"),
         label(
             f"({last} and on ({IDENTITY}) {several})",
-            *("care", "$1 and others notified", "receiver", "(.*)"),
+            *("care", "notified: $1 and others", "receiver", "(.*)"),
         ),
-        label(last, "care", "$1 notified", "receiver", "(.*)"),
+        label(last, "care", "notified: $1", "receiver", "(.*)"),
         label(f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)", "care", "not notified yet"),
         label(faults, "care", "not known"),
         label(
             f"({soft_robots} and on (fleet, robot) {behind})",
-            *("care", "uplink or domain down"),
+            *("care", "suppressed: uplink or domain down"),
         ),
         label(
             f'max by ({_COMPONENT}) ({suppressed}, reason="depends_on"}})',
             "care",
-            "depends on what fails",
+            "suppressed: depends on what fails",
         ),
-        label(f"max by ({_COMPONENT}) ({suppressed}}})", "care", "part of a capability in trouble"),
+        label(
+            f"max by ({_COMPONENT}) ({suppressed}}})",
+            *("care", "suppressed: part of a capability in trouble"),
+        ),
         label(f"({soft})", "care", "not confirmed"),
     )
     return f"group by ({IDENTITY}, care) (\n{found}\n)"
+
+
+def _care_at(matchers: str) -> str:
+    """Return when a fault was acknowledged, or else notified last; Unix time."""
+    return f"""
+    max by ({IDENTITY}) ({ACKNOWLEDGED}{{{matchers}}})
+  or
+    max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} > 0)
+"""
 
 
 def _first_of(*exprs: str) -> str:
@@ -227,16 +302,30 @@ def _pages(matchers: str, states: str) -> str:
     return f"group by ({IDENTITY}, fault, instance) (\n{found}\n)"
 
 
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=106, filtered=True)
-# On a screen of 1366 pixels all of them; on a phone the first three, of which the message wraps.
+def _state_mappings() -> list[dashboard.ValueMapping]:
+    """Show the value of a row as the word of its state, in its colour."""
+    shown = {
+        str(state.rank + added): (state.word, state.colour)
+        for added in (MANY, 0, -MANY)
+        for state in reversed(palette.STATES)
+    }
+    return palette.words(shown)
+
+
+ROBOT = Column("who", "Robot", link=links.OF_WHO, width=150, filtered=True)
+# On a screen of 1366 pixels all of them.
 _COLUMNS = (
-    tables.STATE._replace(width=86),
+    tables.STATE._replace(mappings=_state_mappings()),
     ROBOT,
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=160, wrapped=True),
-    Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
+    Column("component", "Component", link=links.TO_COMPONENT, width=145, filtered=True),
     Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Handled by", width=230, wrapped=True, links=links.OF_PROBLEM),
+    Column("care", "Handled by", width=190, links=links.OF_PROBLEM),
+    Column("E", "At", unit=tables.TIME, width=150),
     tables.FLEET._replace(hidden=True),
+    Column("robot", "Name", hidden=True),
+    Column("site", "Site", hidden=True),
+    Column("board", "Board", hidden=True),
     Column("instance", "Exporter", hidden=True),
     Column("fault", "Fault", hidden=True),
     Column("scope", "Scope", hidden=True),
@@ -250,24 +339,34 @@ def problem_rows(
     of_states: str = "",
     selected: str = "",
     covered: str = "",
+    chosen: str = "",
     filters: str = "",
     members: str = "",
 ) -> str:
-    """Return a series with the rank of its state for each problem.
+    """Return a series for each problem: the rank of its state, and more or less than that.
 
     Args:
         matchers: Which faults, by labels that they have.
         of_states: Of the states and families of robots, which have fewer labels; `matchers` if "".
         selected: Restricts what is not confirmed; PromQL that follows its expression.
         covered: Leaves out of that what belongs to a larger fault; PromQL, too.
+        chosen: Compares ranks: those of the states that are shown.
         filters: Of the variables, for all rows; PromQL, too.
         members: Of faults of many robots only those that these are part of, by labels of robots.
     """
     return f"""
-  max by ({IDENTITY}, message) (
-{_confirmed(matchers, members)}
+  max by ({IDENTITY}, who, board, message) (
+    (
+      (
+{_of_many(matchers, members)}
+      ) {chosen}
+    ) + {MANY}
 or
-    {_soft(of_states or matchers, covered)}
+    (
+{_confirmed(matchers)}
+    ) {chosen}
+or
+    {_soft(of_states or matchers, matchers, covered, chosen)}
     {selected}
   ) {filters}
 """
@@ -303,6 +402,7 @@ def problem_table(
             "B": f"(\n{_since(matchers, states)}\n) * 1000",
             "C": _care(matchers, states),
             "D": _pages(matchers, states),
+            "E": f"(\n{_care_at(matchers)}\n) * 1000",
         },
         [each._replace(hidden=each.hidden or each.title in hidden) for each in _COLUMNS],
         by=IDENTITY,

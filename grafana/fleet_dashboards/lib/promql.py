@@ -10,6 +10,8 @@ from __future__ import annotations
 HELD = "fleet:ros_diagnostics_fault_start:held"
 # The same of each robot, with those of sites and of many robots that it is part of.
 HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
+# What robots name as their uplink, and is no robot itself, such as an access point.
+UPLINK = "robot:ros_diagnostics_uplink:info"
 # Series that belong to no value: the exporter's own families, recorded series, alerts.
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
@@ -126,6 +128,12 @@ def worst(rank: str, began: str, by: str, most: int) -> str:
 def label(expr: str, name: str, value: str, source: str = "", regexp: str = "") -> str:
     """Give series a label: a text, or what ``regexp`` finds in the label ``source``."""
     return f'label_replace({expr}, "{name}", "{value}", "{source}", "{regexp}")'
+
+
+def named(expr: str) -> str:
+    """Add the robot as the label ``who``; of a long name begin and end, which tell it apart."""
+    full = label(expr, "who", "$1", "robot", "(.*)")
+    return label(full, "who", "$1\u2026$2", "robot", "(.{8}).{4,}(.{7})")
 
 
 def or_nothing(expr: str, text: str, proof: str, column: str = "message") -> str:

@@ -55,7 +55,7 @@ class Empty(NamedTuple):
     column: str = "message"  # the label of the column with the text
 
 
-STATE = Column("A", "State", mappings=palette.state_mappings(), width=105, background=True)
+STATE = Column("A", "State", mappings=palette.state_mappings(), width=120, background=True)
 FLEET = Column("fleet", "Fleet", width=100)
 ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, min_width=110, filtered=True)
 MAINTENANCE = Column(
@@ -118,19 +118,21 @@ def pivot(
     label: str,
     sort: str,
     others: list[dashboard.ValueMapping] | None = None,
+    unit: str = "",
+    descending: bool = True,
 ) -> table.Panel:
     """Return a table from one instant query whose ``label`` is the column of a value.
 
-    With ``others`` each other value of the label is a column, too, with these words and colours;
-    rows are then sorted descending, and by the first column.
+    With ``others`` each other value of the label is a column, too, with these words and colours,
+    and in this unit; rows are then sorted ``descending``, and by the first column.
     """
     titles = {column.field: column.title for column in columns}
     selected = _selected(titles) if others is None else [_first(titles)]
-    order = [_order(sort, descending=others is not None)]
+    order = [_order(sort, descending=descending and others is not None)]
     if others is not None:
         order.append(_order(columns[0].title, descending=False))
     return (
-        _table(title, description, columns, others)
+        _table(title, description, columns, others, unit)
         .targets([at_end(expr)])
         .transformations(
             [
@@ -152,6 +154,7 @@ def _table(
     description: str,
     columns: Sequence[Column],
     numbers: list[dashboard.ValueMapping] | None = None,
+    unit: str = "",
 ) -> table.Panel:
     panel = (
         table.Panel()
@@ -168,11 +171,13 @@ def _table(
     if numbers is not None:
         nothing = palette.special(dashboard.SpecialValueMatch.NULL_AND_NAN, "")
         look = BACKGROUND | {"mappings": [*numbers, nothing], "custom.minWidth": 115}
+        look |= {"unit": unit, "decimals": 2} if unit else {}
         panel = panel.override_by_field_type(
             "number", [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
         )
     for column in columns:
-        panel = panel.override_by_name(column.title, _look(column))
+        plain = PLAIN if numbers is not None and not column.background else {}
+        panel = panel.override_by_name(column.title, _look(column, plain))
     return panel
 
 
@@ -214,8 +219,8 @@ def step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
     return dashboard.DataTransformerConfig(identity, options=options)
 
 
-def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
-    look: dict[str, object] = {"noValue": ""}  # for a cell; the table's is for no rows
+def _look(column: Column, plain: dict[str, object]) -> list[dashboard.DynamicConfigValue]:
+    look: dict[str, object] = {"noValue": "", **plain}  # for a cell; the table's is for no rows
     given = {
         "unit": column.unit or None,
         "decimals": column.decimals,
@@ -226,7 +231,8 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     }
     look |= {key: value for key, value in given.items() if value is not None}
     # Only of values: no text is a number, either.
-    look["mappings"] = [*(column.mappings or ()), *([NAN] if column.is_value() else ())]
+    without = [NOTHING] if column.background else [NAN] if column.is_value() else []
+    look["mappings"] = [*(column.mappings or ()), *without]
     if column.wrapped:
         look["custom.cellOptions"] = common.TableAutoCellOptions(wrap_text=True)
     if column.background:
@@ -240,6 +246,13 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     return [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
 
 
+# Of a column beside others with a background.
+PLAIN: dict[str, object] = {
+    "custom.cellOptions": common.TableAutoCellOptions(),
+    "custom.displayMode": "auto",
+}
+# Without a value a cell with a background would have the colour of text.
+NOTHING = palette.special(dashboard.SpecialValueMatch.NULL_AND_NAN, "")
 NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
 # The colour of a value or mapping as that of the cell: Grafana 9.5 and later, and before.
 BACKGROUND: dict[str, object] = {

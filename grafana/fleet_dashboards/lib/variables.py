@@ -98,6 +98,15 @@ def worst(robots: str) -> builders.QueryVariable:
     return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
 
 
+def wall(robots: str) -> builders.QueryVariable:
+    """The sites, by the label ``at`` of ``robots``, PromQL: a panel is repeated for each."""
+    query = f"query_result(count by (at) ({robots}))"
+    everything = dashboard.VariableOption(True, ["All"], ["$__all"])
+    variable = _filled(builders.QueryVariable("wall"), "Wall", query).regex('/at="(.*)"} /')
+    variable = variable.multi(True).include_all(True).current(everything)
+    return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
+
+
 def state() -> builders.CustomVariable:
     """A state to filter by. The value is a comparison, because a rank is no label."""
     choices = {"All": ">= -1", "Not OK": "!= 0"}

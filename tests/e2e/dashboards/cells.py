@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,11 +45,18 @@ def views() -> list[View]:
     ]
 
 
-def found_cells(result: list[dict[str, Any]], fleets: Mapping[str, str]) -> dict[Labels, float]:
-    """The cells of an instant query, or the last ones of a range query.
+def found_cells(
+    result: list[dict[str, Any]], fleets: Mapping[str, str], now: float
+) -> dict[Labels, float]:
+    """The cells of an instant query at ``now``, or the last ones of a range query.
 
-    ``fleets`` has the fleet of each exporter's address.
+    ``fleets`` has the fleet of each exporter's address. The name of a day that ends then, or a
+    number of days before, is that number.
     """
+    days = {
+        time.strftime("%a %-d", time.gmtime(now - (back + 0.5) * 86400)): f"{back} days before"
+        for back in range(7)
+    }
     found: dict[Labels, float] = {}
     for series in result:
         metric = series["metric"].items()
@@ -56,6 +64,8 @@ def found_cells(result: list[dict[str, Any]], fleets: Mapping[str, str]) -> dict
         compared = {k: v.replace("\n", " ") for k, v in metric if k not in NOT_COMPARED}
         if (address := series["metric"].get("instance")) in fleets:
             compared["instance"] = fleets[address]
+        if "day" in compared:
+            compared["day"] = days.get(compared["day"], compared["day"])
         labels = tuple(sorted(compared.items()))
         value = series["value"] if "value" in series else series["values"][-1]
         assert labels not in found, f"two cells with the labels {labels}"

@@ -53,6 +53,7 @@ GOALS = {
     'robot="broken",action="dock",result="unknown"': 4,
 }
 INTERVENTIONS = {"well": 0, "broken": 3}
+MISSIONS_OF_A_DAY = {"goal_success": 0.875, "interventions_per_hour": 0.5}
 AUTONOMOUS = {"well": 48, "broken": 24}  # slots
 CARRIERS = ("well", "broken", "silent")
 Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
@@ -139,6 +140,8 @@ def _missions(end: float) -> Iterator[Sample]:
             for number in range(1, SLOTS + 1):
                 time = end - (SLOTS - number) * SLOT
                 yield series, f'fleet="hall",{labels}', value * (number <= count), time
+    for series, value in MISSIONS_OF_A_DAY.items():
+        yield f"fleet:ros_diagnostics_{series}:ratio1d", 'fleet="hall"', value, end
 
 
 def _faults(end: float) -> Iterator[Sample]:

@@ -36,7 +36,7 @@ def test_expressions_return_the_expected_cells(view: View, watched: WatchedFleet
         for line in differences(
             expected,
             found_cells(
-                run_query(watched, QUERIES[view.board, panel, ref], view, now), watched.fleets
+                run_query(watched, QUERIES[view.board, panel, ref], view, now), watched.fleets, now
             ),
             now,
         )

@@ -36,7 +36,7 @@ READY = {
         'ALERTS{alertname="RosDiagnosticsLimitHit", alertstate="firing", robot="broken"}'
     ),
     "the state of a robot with a short check": (
-        'robot:ros_diagnostics_state:rank{robot="short"} == 3'
+        'robot:ros_diagnostics_state:rank{robot="short"} == 6'
     ),
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 3",

@@ -27,7 +27,7 @@ COMPONENTS = (
             step("worsens/Motor 1: warn", WORSENS[0], until=rank("worsens", 1)),
             step("worsens/Motor 1: ok", until=rank("worsens", 0)),
         ),
-        ranks={"worsens": (0, 1, 3, 1, 0)},
+        ranks={"worsens": (0, 1, 6, 1, 0)},
     ),
     Scenario(
         "a component that no longer reports is STALE until it does",
@@ -51,7 +51,7 @@ COMPONENTS = (
             ),
             step(("patient/Sensor 1: ok", "patient/Sensor 2: ok"), until=rank("patient", 0)),
         ),
-        ranks={"patient": (0, 3, 0)},
+        ranks={"patient": (0, 6, 0)},
     ),
     Scenario(
         "STALE is CRITICAL where fleet.yml says so, and nothing where it is planned",
@@ -66,7 +66,7 @@ COMPONENTS = (
             ),
             step("strict/Laser 1: ok", until=rank("strict", 0)),
         ),
-        ranks={"strict": (0, 3, 0)},
+        ranks={"strict": (0, 6, 0)},
     ),
     Scenario(
         "flapping fires one alert; a fault that is left when it ends fires then",
@@ -77,7 +77,7 @@ COMPONENTS = (
             step(
                 ("flaps/Sensor 1: ok", "flaps/Sensor 2: error"),
                 critical("flaps", "Sensor 2"),
-                until=rank("flaps", 3),
+                until=rank("flaps", 6),
             ),
             step("flaps/Sensor 2: ok", until=rank("flaps", 0)),
         ),

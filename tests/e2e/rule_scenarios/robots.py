@@ -112,7 +112,7 @@ ROBOTS = (
             step(_all(BUS, "error"), "ManyComponents collapses", until=in_trouble("collapses", 8)),
             step(_all(BUS, "ok"), until=rank("collapses", 0)),
         ),
-        ranks={"collapses": (0, 3, 0)},
+        ranks={"collapses": (0, 6, 0)},
     ),
     Scenario(
         "removing a CRITICAL robot from fleet.yml resolves its fault and fires nothing",
@@ -203,7 +203,7 @@ FLEETS = (
             step(("gap/Motor 1: error", "lost/Motor 1: error"), *SHAFT),
             step("lost: hang", *SHAFT, silent("lost")),
             step("site: stall exporter", *SHAFT, silent("lost"), "ExporterDown shaft"),
-            step("site: continue exporter", *SHAFT, silent("lost"), until=rank("gap", 3)),
+            step("site: continue exporter", *SHAFT, silent("lost"), until=rank("gap", 6)),
             step(
                 ("site: kill exporter", "lost/Motor 1: ok", "site: start exporter"),
                 *SHAFT,

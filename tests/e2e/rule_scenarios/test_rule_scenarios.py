@@ -94,6 +94,6 @@ def test_a_confirmed_warning_that_turns_critical_fires_at_once(recorded: dict[st
         for each in recorded["ranks"]
         if each["metric"]["robot"] == "worsens"
         for at, value in each["values"]
-        if value == "3"
+        if value == "6"
     )
     assert changed["+ComponentCritical worsens Motor 1"] - seen < 6

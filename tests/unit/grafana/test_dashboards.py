@@ -23,7 +23,8 @@ ALL_PANELS = [
 def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
     """A key that is not in Grafana's schema would be missing.
 
-    Except for the formats of annotations: they belong to Prometheus' data source.
+    Except for what an import by hand reads, and for the formats of annotations: they belong to
+    Prometheus' data source.
     """
     from grafana_foundation_sdk.cog import plugins
     from grafana_foundation_sdk.cog.encoder import JSONEncoder
@@ -31,6 +32,7 @@ def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
 
     plugins.register_default_plugins()
     board = json.loads(json.dumps(BOARDS[uid]))
+    assert board.pop("__requires")
     for annotation in board["annotations"].get("list", ()):
         assert annotation.pop("titleFormat")
         assert annotation.pop("textFormat")
@@ -38,6 +40,19 @@ def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
     again = json.loads(json.dumps(Dashboard.from_json(board), cls=JSONEncoder))
 
     assert again == board
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_an_import_by_hand_is_told_what_the_dashboard_needs(uid: str):
+    board = BOARDS[uid]
+    needed = {(each["type"], each["id"]) for each in board["__requires"]}
+
+    assert {each["type"] for each in panels(board)} == {
+        identity for kind, identity in needed if kind == "panel"
+    }
+    assert {("grafana", "grafana"), ("datasource", "prometheus")} <= needed
+    assert board["editable"]
+    assert board["revision"] > 1
 
 
 def test_the_file_is_named_by_the_uid_that_links_use():
@@ -102,7 +117,8 @@ def test_links_use_dashboards_and_variables_that_exist(uid: str):
         assert set(re.findall(r"var-(\w+)=", query)) <= variables
         assert set(re.findall(r"\$\{(\w+):queryparam\}", query)) <= variables
         assert "${datasource:queryparam}" in query
-        assert "${__url_time_range}" in query
+        at_a_moment = "from=${__from}&to=${__value.time}" in query
+        assert at_a_moment or "${__url_time_range}" in query
 
 
 @pytest.mark.parametrize("panel", ALL_PANELS)
@@ -162,6 +178,34 @@ def test_a_number_without_data_is_on_no_colour(panel):
 
     assert lowest["value"] is None
     assert lowest["color"] in {"text", "panel-bg"}
+
+
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_cell_without_a_value_is_on_no_colour(panel):
+    """Grafana 12 would draw it in the colour of text: black in the light theme."""
+    if panel["type"] != "table":
+        return
+    for override in panel["fieldConfig"]["overrides"]:
+        look = {each["id"]: each["value"] for each in override["properties"]}
+        if look.get("custom.cellOptions", {}).get("type") != "color-background":
+            continue
+        if override["matcher"]["options"] in {"severity", "Severity"}:  # a label: it has one always
+            continue
+        without = [
+            each["options"]["result"]["color"]
+            for each in look["mappings"]
+            if each["type"] == "special" and each["options"]["match"].startswith("null")
+        ]
+        assert set(without) == {"panel-bg"}, override["matcher"]
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_the_sentences_of_the_banner_have_one_size(uid: str):
+    """Else three are too small to be read, and one is the largest text of the page."""
+    monitoring, data_as_of, *_others = BOARDS[uid]["panels"]
+
+    assert monitoring["options"]["text"]["valueSize"] == 16
+    assert monitoring["gridPos"]["h"] == data_as_of["gridPos"]["h"], "else the right is ragged"
 
 
 @pytest.mark.parametrize("uid", BOARDS)

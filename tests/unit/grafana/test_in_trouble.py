@@ -37,9 +37,9 @@ def test_the_more_tiles_the_shorter_are_their_names(robots: int, names: list[str
     for robot in ["scout", *(f"amr_{number}" for number in range(1, robots))]:
         labels = f'{{fleet="hall", robot="{robot}"}}'
         series[f"robot:ros_diagnostics:info{labels}"] = "1"
-        series[f"robot:ros_diagnostics_state:rank{labels}"] = "3" if robot in looked_at else "0"
-    tiles = {"board": "ros-diagnostics-fleet", "panel": "All robots", "at": "0s"}
-    cells = [f'{{name="{name}"}} 3' for name in names]
+        series[f"robot:ros_diagnostics_state:rank{labels}"] = "6" if robot in looked_at else "0"
+    tiles = {"board": "ros-diagnostics-fleet", "panel": "All robots of $wall", "at": "0s"}
+    cells = [f'{{name="{name}"}} 6' for name in names]
     shown = [{**tiles, "by": "name", "above": 0, "cells": cells}]
 
     _show({"rules": "none", "series": series, "shown": shown}, tmp_path)

@@ -90,7 +90,6 @@ def text_on(background: str) -> str:
 BACKGROUNDS = {
     **{state.word: state.colour for state in palette.STATES},
     "MAINTENANCE": palette.MAINTENANCE_COLOUR,
-    "UNREACHABLE": palette.UNREACHABLE_COLOUR,
     "UNDETERMINED": palette.UNDETERMINED_COLOUR,
     "NEUTRAL": palette.NEUTRAL,
     **{f"from {least:.2%} on": colour for least, colour in palette.SHARES},

@@ -59,7 +59,7 @@ def show(serve, capsys, monkeypatch):
 
 def test_the_worst_robots_come_first_with_their_faults(show):
     text = show()
-    order = [text.index(name) for name in ("robot_3", "robot_2", "robot_1", "spare")]
+    order = [text.index(name) for name in ("robot_2", "robot_3", "robot_1", "spare")]
     assert order == sorted(order)
     shown = " ".join(text.split())
     assert (
@@ -69,7 +69,7 @@ def test_the_worst_robots_come_first_with_their_faults(show):
     assert ("CRITICAL robot_2 Motor 1 confirmed 00:16:40, 1 min Over temperature") in shown
     assert "OK robot_1 last message 0 s ago" in shown
     assert "PENDING spare never received" in shown
-    assert "1 SILENT, 1 CRITICAL, 1 OK, 1 PENDING" in text
+    assert "1 CRITICAL, 1 SILENT, 1 OK, 1 PENDING" in text
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     ("arguments", "error"),
     [
         (["history", "a", "--since", "soon"], "'soon' is no time; write it as 10m"),
-        (["status", "--state", "bad"], "BAD: not one of SILENT, CRITICAL"),
+        (["status", "--state", "bad"], "BAD: not one of CRITICAL, SILENT"),
         (["status", "--watch=0s"], "'0s' is not a duration"),
         (["status", "--watch=nan"], "'nan' is not a duration"),
         (["status", "--timeout=3"], "'3' is not a duration"),

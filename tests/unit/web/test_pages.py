@@ -442,6 +442,7 @@ def test_a_robot_that_is_not_received_is_silent_and_one_never_seen_is_pending():
     assert state_of(robot("a", stale, error, warn)) == "CRITICAL"
     assert state_of(robot("a", error, **SILENT)) == "SILENT"
     assert state_of(robot("a", up=False, silent_reason="never_seen")) == "PENDING"
+    assert state_of(robot("a", up=False, silent_reason="uplink_down")) == "UNREACHABLE"
     assert state_of(robot("a")) == "OK"
 
 
@@ -461,11 +462,11 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
         ),
     )
     problems, _, everything = text.partition("All robots: 4")
-    order = [problems.index(name) for name in ("silent", "broken", "warned")]
+    order = [problems.index(name) for name in ("broken", "silent", "warned")]
     assert order == sorted(order)
     assert "fine" not in problems
     assert "OK fine" in everything
-    assert "1SILENT1CRITICAL1WARNING1OKRobots" in problems
+    assert "1CRITICAL1SILENT1WARNING1OKRobots" in problems
     unjudged = text_of(robot("b10", component("Motor", "WARN")), robot("b9"))
     assert "Robots with problems: 1b10 WARNING" in unjudged
     assert "All robots: 2OK b9WARNING b10" in unjudged
