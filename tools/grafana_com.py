@@ -1,4 +1,4 @@
-"""The dashboards as grafana.com takes them: with what they require, as in an export for others.
+"""The dashboards as grafana.com takes them: with the keys of an export for others.
 
 python tools/grafana_com.py FOLDER writes them there; packaging/release does. They need no input:
 which Prometheus is asked is a variable of each dashboard.
@@ -8,32 +8,15 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 DASHBOARDS = Path(__file__).parents[1] / "grafana" / "dashboards"
-GRAFANA = "9.5.0"  # the oldest that shows them: docs/dashboards.md
 
 
 def shared(dashboard: dict[str, Any]) -> dict[str, Any]:
-    """A dashboard with what it requires, as the export `for sharing externally` writes it."""
-    required = [
-        {"type": "grafana", "id": "grafana", "name": "Grafana", "version": GRAFANA},
-        {"type": "datasource", "id": "prometheus", "name": "Prometheus", "version": "1.0.0"},
-        *(
-            {"type": "panel", "id": kind, "name": kind, "version": ""}
-            for kind in sorted(set(_panel_types(dashboard["panels"])))
-        ),
-    ]
-    return {"__inputs": [], "__elements": {}, "__requires": required, "id": None, **dashboard}
-
-
-def _panel_types(panels: list[dict[str, Any]]) -> Iterator[str]:
-    for each in panels:
-        if each["type"] != "row":
-            yield each["type"]
-        yield from _panel_types(each.get("panels", []))
+    """A dashboard as the export `for sharing externally` writes it; it says what it requires."""
+    return {"__inputs": [], "__elements": {}, "id": None, **dashboard}
 
 
 def main(folder: Path) -> None:

@@ -12,7 +12,10 @@ from testbed.mail import Mail
 
 @dataclass(frozen=True)
 class Fault:
-    """What breaks, and which components of the robot are then mailed, each with its state."""
+    """What breaks, and which components of the robot are then mailed, each with its state.
+
+    ``mailed`` has them as subjects do: the node that publishes a component stands last.
+    """
 
     robot: str
     component: str
@@ -34,7 +37,7 @@ LASER = Fault(
     component="turtlebot4_diagnostics: /scan topic status",
     what="silent",
     mailed={
-        "turtlebot4_diagnostics: /scan topic status": "STALE",
+        "/scan topic status (turtlebot4_diagnostics)": "STALE",
         "navigate_to_pose": "WARNING",
     },
 )

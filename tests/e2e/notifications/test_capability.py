@@ -9,7 +9,7 @@ from typing import Any
 from support.alerts import reload
 from testbed import short_clocks
 
-CAPABILITY = "  default: {capabilities: {view: {any: [Motor 1, Motor 2]}},"
+VIEW = {"view": {"any": ["Motor 1", "Motor 2"]}}
 SUBJECT = "demo/robot_2 view is"
 NO_RESERVE = f"** PROBLEM ** {SUBJECT} WITHOUT RESERVE"
 LOST = f"** PROBLEM ** {SUBJECT} LOST"
@@ -21,10 +21,7 @@ WELL = f"** RECOVERY ** {SUBJECT} no longer WITHOUT RESERVE"
 def test_each_change_of_a_capability_is_one_mail_and_its_end_one_recovery(
     stack, tmp_path: Path, wait_for_mails, wait_for_scrapes
 ):
-    fleet = tmp_path / "fleet.yml"
-    text = fleet.read_text()
-    assert "  default: {" in text
-    fleet.write_text(text.replace("  default: {", CAPABILITY + " ", 1))
+    short_clocks.edit(tmp_path / "fleet.yml", _add_capability)
     stack.exporter.process.signal(signal.SIGHUP)
     alertmanager = tmp_path / "alertmanager" / "alertmanager.yml"
     short_clocks.edit(alertmanager, _add_receiver_of_what_is_critical)
@@ -46,6 +43,10 @@ def test_each_change_of_a_capability_is_one_mail_and_its_end_one_recovery(
     wait_for_mails(6)
     wait_for_scrapes(3)  # one mail too many would arrive within these
     assert [mail.subject for mail in stack.inbox.mails()][5:] == [WELL]
+
+
+def _add_capability(config: dict[str, Any]) -> None:
+    config["profiles"]["default"]["capabilities"] = VIEW
 
 
 def _add_receiver_of_what_is_critical(config: dict[str, Any]) -> None:

@@ -100,10 +100,9 @@ KEYS = [each for each in PROPERTIES if each[0] != "Zenoh"]  # what has other sou
 @pytest.mark.parametrize(("name", "key"), [each for each in KEYS if each not in KEPT])
 def test_a_key_that_a_reload_adds_or_removes_is_judged_as_after_a_start(fleets, name, key):
     without = fleets(name, {})
-    for example in DEFINITIONS[name]["properties"][key]["examples"]:
-        with_it = fleets(name, {key: example})
-        assert reloaded(without, with_it) == started(with_it), "added"
-        assert reloaded(with_it, without) == started(without), "removed"
+    with_it = fleets(name, {key: DEFINITIONS[name]["properties"][key]["examples"][0]})
+    assert reloaded(without, with_it) == started(with_it), "added"
+    assert reloaded(with_it, without) == started(without), "removed"
 
 
 @pytest.mark.parametrize(("name", "key"), KEYS)

@@ -14,8 +14,6 @@ from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, Un
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
-from testbed.configuration import Clocks
-from testbed.configuration import fleet as demo_fleet
 
 MOTOR = Status(OK, "Motor 1", "OK", "", (("Level", "3"), ("Temperature (°C)", "41")))
 MATCHING = """
@@ -193,9 +191,17 @@ def test_an_exporter_that_does_not_answer_is_an_error(tmp_path, capsys, free_por
     assert "Connection refused" in capsys.readouterr().err
 
 
-def of_demo(path: Path, *robots: str) -> StateDriver:
-    """The demo for ten minutes, with these robots."""
-    driver = driver_of(path, demo_fleet(0, Clocks(), ""))
+TWO_ENTRIES = """
+fleet: f
+discovery:
+  - {topic: "/{robot}/diagnostics_agg", include: [robot_*]}
+  - {topic: "/{robot}/diagnostics_agg", exclude: [robot_*]}
+"""
+
+
+def of_two_entries(path: Path, *robots: str) -> StateDriver:
+    """Robots that two entries of discovery share, for ten minutes."""
+    driver = driver_of(path, TWO_ENTRIES)
     for _ in range(int(2 * GRACE) // 30):
         found = {f"/{each}/diagnostics_agg": Endpoint(1) for each in robots}
         driver.state.update_graph(0, found, driver.now)
@@ -209,12 +215,12 @@ def of_demo(path: Path, *robots: str) -> StateDriver:
 
 @pytest.mark.parametrize("robots", [["robot_1", "robot_2"], ["robot_1", "tb3"]])
 def test_an_entry_whose_topics_others_take_or_that_excludes_them_is_no_mistake(tmp_path, robots):
-    driver = of_demo(tmp_path, *robots)
+    driver = of_two_entries(tmp_path, *robots)
     assert [each for each in driver.state.unmatched.entries if each.what == "discovery"] == []
 
 
 def test_a_discovery_that_finds_nobody_is_reported_also_where_there_is_no_robot(tmp_path):
-    driver = of_demo(tmp_path)
+    driver = of_two_entries(tmp_path)
     entries = [str(each) for each in driver.state.unmatched.entries]
     assert entries == [
         "discovery /{robot}/diagnostics_agg matches nothing",
