@@ -8,6 +8,7 @@ white or black, with that contrast (tested, too).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from grafana_foundation_sdk.models import dashboard
@@ -211,7 +212,7 @@ def reason_mappings() -> list[dashboard.ValueMapping]:
     return words({reason: (text, None) for reason, text in SILENT_REASONS.items()})
 
 
-def words(shown: dict[str, tuple[str, str | None]]) -> list[dashboard.ValueMapping]:
+def words(shown: Mapping[str, tuple[str, str | None]]) -> list[dashboard.ValueMapping]:
     """Show each value as a word on a colour; without one, on that of the column or panel."""
     results = {
         value: dashboard.ValueMappingResult(text=text, color=colour, index=index)
