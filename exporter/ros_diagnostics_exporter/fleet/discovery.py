@@ -15,29 +15,31 @@ from ros_diagnostics_exporter.robots.tree import TreeReader
 
 
 def robot_name(discovery: Discovery, topic: str, domain_id: Domain) -> str | None:
-    """The name of the robot behind a topic; None where the discovery does not want it."""
-    match = discovery.pattern.fullmatch(topic)
-    if match is None or domain_id not in discovery.domain_ids:
+    """The name of the robot of a topic; None where the discovery does not want it."""
+    name = _matched(discovery, topic, domain_id)
+    if name is None:
         return None
-    matched = match.groupdict().get("robot") or ""
-    name = _fill(discovery.name, matched, domain_id)
-    wanted = _is_included(discovery, name) and not _is_excluded(discovery, name)
-    return name if wanted else None
+    return name if _is_included(discovery, name) and not _is_excluded(discovery, name) else None
 
 
 def takes(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
     """Whether a discovery wants a topic, or leaves its robot out by ``exclude``."""
-    wanted = robot_name(discovery, topic, domain_id) is not None
-    return wanted or leaves_out(discovery, topic, domain_id)
+    name = _matched(discovery, topic, domain_id)
+    return name is not None and (_is_excluded(discovery, name) or _is_included(discovery, name))
 
 
 def leaves_out(discovery: Discovery, topic: str, domain_id: Domain) -> bool:
     """Whether a discovery leaves the robot of a topic out by ``exclude``."""
+    name = _matched(discovery, topic, domain_id)
+    return name is not None and _is_excluded(discovery, name)
+
+
+def _matched(discovery: Discovery, topic: str, domain_id: Domain) -> str | None:
+    """The name that a discovery gives the robot of a topic, wanted or not; None without a match."""
     match = discovery.pattern.fullmatch(topic)
     if match is None or domain_id not in discovery.domain_ids:
-        return False
-    name = _fill(discovery.name, match.groupdict().get("robot") or "", domain_id)
-    return _is_excluded(discovery, name)
+        return None
+    return _fill(discovery.name, match.groupdict().get("robot") or "", domain_id)
 
 
 def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) -> Robot:
