@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.model import Unclaimed
-from ros_diagnostics_exporter.texts import natural, without_node
+from ros_diagnostics_exporter.texts import natural, unique_without_node
 
 SEVERITIES = {  # the ranks of prometheus/rules/states.yml
     "CRITICAL": 6,
@@ -284,11 +284,9 @@ def short_names(owner: dict[str, Any]) -> dict[str, str]:
     of_problems = (each for each in owner["problems"] if each["component"])
     found = [*owner.get("components", ()), *of_problems]
     names = {component_path(each): each["component"] for each in found}
-    rests, whole = Counter(map(without_node, names.values())), Counter(names.values())
+    short, whole = unique_without_node(names.values()), Counter(names.values())
     return {
-        path: rest if rests[rest] == 1 else name if whole[name] == 1 else path
-        for path, name in names.items()
-        for rest in [without_node(name)]
+        path: short.get(name, name if whole[name] == 1 else path) for path, name in names.items()
     }
 
 

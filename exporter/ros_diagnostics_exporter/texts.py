@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from itertools import islice
 from typing import Any
@@ -87,6 +88,12 @@ def without_node(component: str) -> str:
     "motors: Motor 2" is "Motor 2".
     """
     return component.rpartition(": ")[2].strip()
+
+
+def unique_without_node(components: Collection[str]) -> dict[str, str]:
+    """Component -> its name without the node, where no other component has that."""
+    number = Counter(map(without_node, components))
+    return {name: rest for name in components for rest in [without_node(name)] if number[rest] == 1}
 
 
 def nearest(text: str, names: Iterable[str]) -> str:

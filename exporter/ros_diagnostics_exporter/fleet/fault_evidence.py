@@ -6,7 +6,6 @@ on one line, too.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
-from ros_diagnostics_exporter.texts import one_line, without_node
+from ros_diagnostics_exporter.texts import one_line, unique_without_node
 
 LENGTH = 640  # characters of the lines
 _TEXT_LENGTH = 300  # of one text of a robot
@@ -207,10 +206,7 @@ def _first(name: str, items: Iterable[Any]) -> Fields:
 
 
 def _short_names(components: Iterable[Component]) -> Mapping[str, str]:
-    """Of a robot's components the names without the node, where the rest is unique."""
-    names = [_text(each.label) for each in components]
-    number = Counter(map(without_node, names))
-    return {name: rest for name in names for rest in [without_node(name)] if number[rest] == 1}
+    return unique_without_node([_text(each.label) for each in components])
 
 
 def _written(fields: Fields, short: Mapping[str, str]) -> Evidence:
