@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Domain, Instant, place
 from ros_diagnostics_exporter.sources.graph_nodes import NODE
 from ros_diagnostics_exporter.sources.listener import Listener
+from ros_diagnostics_exporter.texts import first_few
 
 log = logging.getLogger(__name__)
 
@@ -138,7 +139,7 @@ class Comparing:
         topics = found - nodes
         missed = topics - self._listener.received_since(domain, topics, known.since)
         missed |= nodes & self._gone(domain)
-        why = f"another process finds {_named(missed)}, and this one does not"
+        why = f"another process finds {first_few(sorted(missed), 1)}, and this one does not"
         if missed and before:
             return {domain: why}
         known.missed = missed
@@ -160,8 +161,3 @@ def _choose(known: _Compared, lost: set[str], now: Instant) -> set[str]:
         return set()
     known.lost, known.rest = lost, min(2 * rest, LONGEST)
     return set(random.sample(sorted(lost), min(MOST, len(lost))))
-
-
-def _named(found: set[str]) -> str:
-    more = len(found) - 1
-    return min(found, default="") + (f" and {more} more" if more > 0 else "")

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.faults.model import OwnReport
 from ros_diagnostics_exporter.fleet.unmatched import GRACE
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter
 from ros_diagnostics_exporter.model import Instant, Level, place
+from ros_diagnostics_exporter.texts import first_few
 
 HANGS = 60.0  # seconds without a turn of a loop, beside its interval
 FULL = 0.9  # of the limit of series
@@ -128,6 +129,4 @@ def _warning(
 
 
 def _named(texts: list[str]) -> str:
-    """The first few of them."""
-    more = len(texts) - NAMED
-    return "; ".join(texts[:NAMED]) + (f" and {more} more" if more > 0 else "")
+    return first_few(texts, NAMED, "; ")

@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from typing import Any
@@ -94,6 +94,12 @@ def unique_without_node(components: Collection[str]) -> dict[str, str]:
     """Component -> its name without the node, where no other component has that."""
     number = Counter(map(without_node, components))
     return {name: rest for name in components for rest in [without_node(name)] if number[rest] == 1}
+
+
+def first_few(texts: Sequence[str], most: int, between: str = ", ") -> str:
+    """At most so many of the texts, and how many more there are, as "a, b and 3 more"."""
+    more = len(texts) - most
+    return between.join(texts[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def nearest(text: str, names: Iterable[str]) -> str:

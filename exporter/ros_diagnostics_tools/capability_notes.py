@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.capabilities import (
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile
 from ros_diagnostics_exporter.fleet.unmatched import KnownRobot
 from ros_diagnostics_exporter.robots.rules import SEARCHED, check_matches
+from ros_diagnostics_exporter.texts import first_few
 
 _MOST = 10  # names in a note
 
@@ -47,10 +48,9 @@ def _of_profile(profile: Profile, robots: list[KnownRobot]) -> Iterator[str]:
             yield f"profile {profile.name}: nothing that was received feeds capability {name}"
     names = sorted({name for _group, name in components.difference(*fed.values())})
     if names:
-        more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
         yield (
             f"profile {profile.name}: {len(names)} components in no capability: "
-            f"{', '.join(names[:_MOST])}{more}"
+            f"{first_few(names, _MOST)}"
         )
 
 

@@ -31,7 +31,7 @@ from ros_diagnostics_exporter.severity import (
     silent_text,
     span,
 )
-from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_exporter.texts import first_few, one_line
 from ros_diagnostics_tools.connection_flags import add_arguments, make_client
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
@@ -200,9 +200,7 @@ def _list_texts(sensors: list[Sensor]) -> Iterator[str]:
     for name in LISTS:
         entries = sorted(each.entry for each in sensors if each.list_name == name)
         if entries:
-            more = len(entries) - MAX_LISTED
-            rest = f" and {more} more" if more > 0 else ""
-            yield f"{name} sensor(s) list: {', '.join(entries[:MAX_LISTED])}{rest}"
+            yield f"{name} sensor(s) list: {first_few(entries, MAX_LISTED)}"
 
 
 def _exit_code(sensors: list[Sensor]) -> int:

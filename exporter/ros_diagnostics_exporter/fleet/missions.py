@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import query_of
 from ros_diagnostics_exporter.severity import problem_state, subject
 from ros_diagnostics_exporter.sources.action_servers import ServerChange
+from ros_diagnostics_exporter.texts import first_few
 
 SOON = 10.0  # seconds after a change until it is written, unless a level changed
 MOST_EVENTS, MINUTE = 10, 60.0  # of one robot in so many seconds; of more there are only counts
@@ -194,6 +195,5 @@ def moment_text(problems: list[dict[str, str]]) -> str:
     """What was wrong with a robot at that moment, for people."""
     if not problems:
         return "nothing else was wrong"
-    named = (f"{each['about']} was {each['state']}" for each in problems[:MOST_NAMED])
-    more = len(problems) - MOST_NAMED
-    return f"while {', '.join(named)}" + (f" and {more} more" if more > 0 else "")
+    named = [f"{each['about']} was {each['state']}" for each in problems]
+    return f"while {first_few(named, MOST_NAMED)}"

@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
-from ros_diagnostics_exporter.texts import encodable, escape, one_line
+from ros_diagnostics_exporter.texts import encodable, escape, first_few, one_line
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {
@@ -171,13 +171,7 @@ def label_pairs(labels: Mapping[str, str]) -> str:
     return ",".join(f'{name}="{escape(text)}"' for name, text in labels.items() if text)
 
 
-def _named(names: Collection[str]) -> str:
-    """The first few of the robots of a downtime, and how many more there are."""
-    first = ", ".join(sorted(names)[:_MOST_NAMED])
-    return first + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")
-
-
-_MOST_NAMED = 5
+_MOST_NAMED = 5  # robots of a downtime
 _OF_DOWNTIME = ("downtime", "author", "site", "team")
 _LARGER = (Scope.SITE, Scope.COMMON, Scope.CAPABILITY)  # faults that have members
 _NO_FLEET_CAPABILITIES = {
@@ -340,7 +334,7 @@ class Exposition:
             _sample(
                 metrics.DOWNTIME_END,
                 label_pairs(own | dict(zip(_OF_DOWNTIME, key, strict=True))),
-                {"robots": _named(robots[key])},
+                {"robots": first_few(sorted(robots[key]), _MOST_NAMED)},
                 end,
             )
             for key, end in sorted(ends.items())
