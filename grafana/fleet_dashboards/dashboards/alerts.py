@@ -8,7 +8,7 @@ from grafana_foundation_sdk.models import common
 
 from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
-from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
 from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label, reached, settled
 from fleet_dashboards.lib.tables import Column
@@ -63,7 +63,7 @@ def build() -> builders.Dashboard:
                 acknowledged_count(),
                 firing_over_time(),
                 fired(),
-                _what_some_have(),
+                closed_row("Acknowledged and flapping", acknowledged(), flapping()),
                 "Notifications",
                 notifications_over_time(),
                 notifications(),
@@ -79,12 +79,6 @@ def build() -> builders.Dashboard:
         .time("now-24h", "now")
         .refresh("1m")
     )
-
-
-def _what_some_have() -> builders.Row:
-    """Return a closed row of what is empty most of the time."""
-    row = builders.Row("Acknowledged and flapping").collapsed(True)
-    return row.with_panel(acknowledged()).with_panel(flapping())
 
 
 QUESTIONS = {

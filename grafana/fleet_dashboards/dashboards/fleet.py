@@ -11,7 +11,7 @@ from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards.dashboards import capabilities, missions
 from fleet_dashboards.lib import links, palette, panels, tables, variables
-from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
     HELD,
@@ -62,7 +62,11 @@ def build() -> builders.Dashboard:
             share_working(),
             components_by_state(),
             robots(),
-            _what_some_use(),
+            closed_row(
+                "Capabilities",
+                capabilities.of_robots(_CHOSEN, _PROOF),
+                capabilities.of_fleet(_STATES, _PROOF),
+            ),
         ],
     )
 
@@ -102,17 +106,6 @@ def _count(state: palette.State) -> str:
     or
       {all_robots} * 0 / 0
     """
-
-
-def _what_some_use() -> builders.Row:
-    """Return a closed row of what not every site has, which takes no room."""
-    row = builders.Row("Capabilities").collapsed(True)
-    for panel in (
-        capabilities.of_robots(_CHOSEN, _PROOF),
-        capabilities.of_fleet(_STATES, _PROOF),
-    ):
-        row = row.with_panel(panel)
-    return row
 
 
 _COMPONENT = "fleet, robot, group, component"

@@ -6,10 +6,7 @@ are collapsed, and queried only when opened.
 
 from __future__ import annotations
 
-from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import table, timeseries
-from grafana_foundation_sdk.cog import builder
-from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import palette, panels, tables
 from fleet_dashboards.lib.tables import Column
@@ -18,14 +15,6 @@ LINES = 20  # of a graph
 SHOWN = f"The {LINES} highest at the end of the range"
 UP = palette.up_mappings()
 CHECK = palette.rewritten("/^ros-diagnostics-(.*)$/", "$1")  # of the job
-
-
-def row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
-    """Return a collapsed row."""
-    found = builders.Row(title).collapsed(True)
-    for panel in content:
-        found = found.with_panel(panel)
-    return found
 
 
 def pings() -> table.Panel:

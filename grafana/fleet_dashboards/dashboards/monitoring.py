@@ -8,7 +8,7 @@ from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.dashboards import hosts
 from fleet_dashboards.lib import links, palette, panels, tables, variables
-from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.promql import label
 from fleet_dashboards.lib.tables import Column
 
@@ -59,13 +59,13 @@ def build() -> builders.Dashboard:
             canaries_in_time(),
             canary_under_way(),
             canary_time(),
-            hosts.row(
+            closed_row(
                 "Pings of robots and uplinks, services of the robots' computers: needs "
                 "blackbox_exporter, see the end of prometheus.yml",
                 hosts.pings(),
                 hosts.ping_time(),
             ),
-            hosts.row(
+            closed_row(
                 "Robots' computers: needs node_exporter on them, see the end of prometheus.yml",
                 hosts.computers(),
                 hosts.cpu(),

@@ -10,7 +10,7 @@ from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseri
 from fleet_dashboards.dashboards import capabilities
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.annotations import Annotation
-from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.problems import problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
     HELD_OF_ROBOT,
@@ -52,7 +52,9 @@ def build() -> builders.Dashboard:
             all_components(),
             batteries(),
             temperatures(),
-            _what_some_have(),
+            closed_row(
+                "Capabilities, checks and groups", capabilities.of_robot(), checks(), groups()
+            ),
             "Values",
             values_without_unit(),
             promoted_values(),
@@ -70,14 +72,6 @@ def build() -> builders.Dashboard:
         ],
     )
     return board.annotation(state_changes()).annotation(alerts_begin())
-
-
-def _what_some_have() -> builders.Row:
-    """Return a closed row of what not every robot has, which takes no room."""
-    row = builders.Row("Capabilities, checks and groups").collapsed(True)
-    for panel in (capabilities.of_robot(), checks(), groups()):
-        row = row.with_panel(panel)
-    return row
 
 
 # --- Annotations: marks, not areas; Grafana queries them at least once a minute ---

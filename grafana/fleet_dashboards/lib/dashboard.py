@@ -48,6 +48,14 @@ def new_dashboard(
     return board
 
 
+def closed_row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
+    """Return a row of what not everybody needs: it is a line until somebody opens it."""
+    row = builders.Row(title).collapsed(True)
+    for panel in content:
+        row = row.with_panel(panel)
+    return row
+
+
 def _others() -> builders.DashboardLink:
     return (
         builders.DashboardLink("ROS diagnostics")
