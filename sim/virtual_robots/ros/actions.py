@@ -11,11 +11,11 @@ from typing import Any
 from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from virtual_robots.ros.contexts import RosError
+from virtual_robots.ros.contexts import RosError, spin
 from virtual_robots.schema.actions import ActionModel
 from virtual_robots.simulation.actions import Step
 
@@ -33,7 +33,9 @@ class ActionServers:
         self._servers: dict[tuple[str, str], RunningAction] = {}
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name="actions", daemon=True)
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor,), name="actions", daemon=True
+        )
         self._thread.start()
 
     def take(self, robot: str, action: ActionModel, step: Step) -> None:
@@ -48,12 +50,6 @@ class ActionServers:
         """End the thread; the servers end with their node."""
         self._executor.shutdown()
         self._thread.join(timeout=5)
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return  # the context ended before close() was called
 
     async def _take(self, robot: str, action: ActionModel, step: Step) -> None:
         key = robot, action.name

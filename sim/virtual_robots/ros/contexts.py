@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import rclpy
 from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 HIGHEST_DOMAIN_ID = 232
@@ -57,6 +58,14 @@ def ros_context(domain_id: int) -> Iterator[Context]:
         yield context
     finally:
         context.try_shutdown()
+
+
+def spin(executor: SingleThreadedExecutor) -> None:
+    """Serve the executor's nodes until it or its context is shut down."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return  # the context ended first
 
 
 def quiet_node(name: str, context: Context, namespace: str | None = None) -> Node:

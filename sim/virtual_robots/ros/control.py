@@ -9,11 +9,11 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from virtual_robots.ros.contexts import RosError, quiet_node, ros_context
+from virtual_robots.ros.contexts import RosError, quiet_node, ros_context, spin
 
 CONTROL_NODE = "virtual_robots"
 DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
@@ -36,7 +36,9 @@ class Control:
         self._node.add_on_set_parameters_callback(self._on_set)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="control", daemon=True)
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor,), name="control", daemon=True
+        )
         self._thread.start()
 
     def close(self) -> None:
@@ -44,12 +46,6 @@ class Control:
         self._executor.shutdown()
         self._thread.join(timeout=5)
         self._node.destroy_node()
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return  # the context ended before close() was called
 
     def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         for parameter in parameters:
