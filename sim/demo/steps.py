@@ -67,17 +67,18 @@ RECOVERY = "** RECOVERY **"
 
 def problems(faults: Sequence[Fault]) -> set[str]:
     """Return the subjects of the emails that must arrive when these are broken."""
-    return {
-        f"{PROBLEM} {FLEET}/{fault.robot} {name} is {state}"
-        for fault in faults
-        for name, state in fault.mailed.items()
-    }
+    return _subjects(f"{PROBLEM} {FLEET}/{{}} {{}} is {{}}", faults)
 
 
 def recoveries(faults: Sequence[Fault]) -> set[str]:
     """Return the subjects of the emails that must arrive when they are repaired."""
+    return _subjects(f"{RECOVERY} {FLEET}/{{}} {{}} is no longer {{}}", faults)
+
+
+def _subjects(form: str, faults: Sequence[Fault]) -> set[str]:
+    """Return the form for each part that is mailed, filled in with robot, name and state."""
     return {
-        f"{RECOVERY} {FLEET}/{fault.robot} {name} is no longer {state}"
+        form.format(fault.robot, name, state)
         for fault in faults
         for name, state in fault.mailed.items()
     }
