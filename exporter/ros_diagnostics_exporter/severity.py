@@ -457,7 +457,7 @@ def query_text(query: Mapping[str, Any]) -> str:
 
 
 def unclaimed_texts(fleet: Mapping[str, Any]) -> list[str]:
-    """The topics of /api/v1/fleet that no entry of fleet.yml takes, with the entry to paste."""
+    """The topics of /api/v1/fleet that no entry of fleet.yml matches, with the entry to paste."""
     return [f"{Unclaimed(**each)}" for each in fleet.get("unclaimed", ())]
 
 

@@ -64,9 +64,8 @@ def of_a_goal() -> tuple[float, float]:
             site.wait_until_ready()
             wire = Wire(site, link, robot)
             until(lambda: wire.action().get("reached"), "the action is found", START)
-            robot.tell(
-                "begin", ACTION
-            )  # its list may be the first: one of what has ended counts not
+            # What has ended in the first list of an action does not count, so a goal has to run.
+            robot.tell("begin", ACTION)
             until(lambda: wire.action()["running"] == 1, "a goal is seen", START)
             robot.tell("succeed", ACTION)
             until(lambda: wire.action()["results"]["succeeded"] == 1, "its end is seen", START)

@@ -1,10 +1,9 @@
 """What it costs to count the goals of a fleet's actions, beside the same fleet without them.
 
 First what the middleware takes, as later the process has had more memory: topics of goals of real
-DDS that are subscribed and looked at once a second, with messages
-and without, as the exporter does.
-Then in memory: robots whose diagnostics do not change, scraped every 15 s, with action servers and
-without, in turns of the same run.
+DDS that are subscribed and looked at once a second, as the exporter does, with messages and
+without. Then in memory: robots whose diagnostics do not change, scraped every 15 s, with action
+servers and without, in turns of the same run.
 """
 
 from __future__ import annotations
@@ -132,9 +131,8 @@ def megabytes(robots: int, actions: int) -> float:
 
 def print_in_memory(options: argparse.Namespace) -> None:
     """The fleet with actions, and without."""
-    print(
-        f"\n{options.robots} robots of {len(STATUSES)} components, 2 goals a minute of each action"
-    )
+    components = f"{options.robots} robots of {len(STATUSES)} components"
+    print(f"\n{components}, 2 goals a minute of each action")
     print(f"{'actions':<10}{'CPU':>8}{'MB':>8}")
     for actions in (0, options.actions) * options.turns:
         fleet = InMemory(options.robots, actions)

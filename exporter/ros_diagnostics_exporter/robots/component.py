@@ -39,11 +39,10 @@ class Held(NamedTuple):
 
 
 FIELDS = "fields:"  # in identities of what is made of fields of topics, in place of a group
-QUERY = "query:"  # ... of what a query or the ROS graph measures, with its name behind
+QUERY = "query:"  # ... of what a query or the ROS graph measures, followed by its name
 
-Identity = tuple[
-    str, str, str
-]  # name, group where that is part of it, hardware_id where the name is not unique
+# Name, group where that is part of it, hardware_id where the name is not unique.
+Identity = tuple[str, str, str]
 
 
 @marking(

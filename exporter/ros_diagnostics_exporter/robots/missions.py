@@ -74,9 +74,8 @@ class Action:
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
         self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
-        self._ended: Recent | None = (
-            None  # indices of `RESULTS`, where its entry counts aborted ones
-        )
+        # Indices of `RESULTS`, where its entry counts aborted ones.
+        self._ended: Recent | None = None
         self._started: Recent | None = None  # where its entry counts these
         self._aborted_at = 0.0  # when the last was aborted, Unix time
         self._last_aborted = -inf  # ... by the clock
@@ -128,10 +127,8 @@ class Action:
 
     def _note(self, ends: list[GoalEnd], now: Instant) -> list[GoalEnd]:
         if self._ended is not None and ends:
-            clock, results = (
-                self.clock.read(now.mono),
-                [RESULTS.index(each.result) for each in ends],
-            )
+            clock = self.clock.read(now.mono)
+            results = [RESULTS.index(each.result) for each in ends]
             self._ended.add(results, clock)
             if _ABORTED in results:
                 self._aborted_at, self._last_aborted = now.wall, clock

@@ -25,7 +25,7 @@ from ros_diagnostics_tools.terminal import print_json, with_output
     "--live",
     is_flag=True,
     help="Also list what matches no robot, component or value that the running exporter knows, "
-    "topics that no entry takes, components in no capability, and how its queries are answered.",
+    "topics that no entry matches, components in no capability, and how its queries are answered.",
 )
 @with_output()
 @with_servers
