@@ -91,20 +91,20 @@ def unit() -> builders.QueryVariable:
 
 def worst(robots: str) -> builders.QueryVariable:
     """All robots that ``robots``, PromQL, returns: chosen by no person, so it is hidden."""
-    query = f"query_result(max by (robot) ({robots}))"
-    everything = dashboard.VariableOption(True, ["All"], ["$__all"])
-    variable = _filled(builders.QueryVariable("worst"), "Worst", query).regex('/robot="(.*)"} /')
-    variable = variable.multi(True).include_all(True).current(everything)
-    return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
+    return _all_of("worst", "Worst", f"max by (robot) ({robots})", "robot")
 
 
 def wall(robots: str) -> builders.QueryVariable:
     """The sites, by the label ``at`` of ``robots``, PromQL: a panel is repeated for each."""
-    query = f"query_result(count by (at) ({robots}))"
+    return _all_of("wall", "Wall", f"count by (at) ({robots})", "at")
+
+
+def _all_of(name: str, title: str, expr: str, label: str) -> builders.QueryVariable:
+    """A hidden variable with all values of the last label of what PromQL returns."""
     everything = dashboard.VariableOption(True, ["All"], ["$__all"])
-    variable = _filled(builders.QueryVariable("wall"), "Wall", query).regex('/at="(.*)"} /')
-    variable = variable.multi(True).include_all(True).current(everything)
-    return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
+    variable = _filled(builders.QueryVariable(name), title, f"query_result({expr})")
+    variable = variable.regex(f'/{label}="(.*)"}} /').multi(True).include_all(True)
+    return variable.current(everything).hide(dashboard.VariableHide.HIDE_VARIABLE)
 
 
 def state() -> builders.CustomVariable:
