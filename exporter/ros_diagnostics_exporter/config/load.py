@@ -92,12 +92,15 @@ def _fleet(reading: _Reading) -> Fleet | None:
     valid = validate(document, [((), _without_sections(document.data))], Fleet, problems)
     top = valid[0].entry if valid else None
     stale_is_critical = top is not None and top.stale_is_critical
+    known = len(problems)
     own, profiles = resolved(document, problems, stale_is_critical=stale_is_critical)
+    profiles_valid = len(problems) == known
     checked = _checked(replace(reading, profiles=profiles), own)
     problems.extend(find_conflicts(checked, top.limits if top else Limits()))
     if top is None:
         return None
-    if top.capabilities:
+    # In place of a profile that is not valid there is one without capabilities.
+    if top.capabilities and profiles_valid:
         of_robots = {name for each in profiles.values() for name in each.capabilities}
         for name, what, remedy in wrong_names(top.capabilities, of_robots=of_robots):
             problems.append(document.problem(("capabilities", name), what, remedy))
