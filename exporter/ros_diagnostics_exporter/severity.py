@@ -132,18 +132,20 @@ def component_state(level: str, before_stale: str | None, *, stale_is_critical: 
 
 
 def state_of(robot: dict[str, Any]) -> str:
-    """A robot's state in one word: SILENT is not received, PENDING never was.
+    """A robot's state in one word, as prometheus/rules/states.yml has it for the dashboards.
 
-    UNREACHABLE is one that is not received because of its uplink or its DDS domain.
+    SILENT is not received, PENDING never was, and UNREACHABLE is one that is not received because
+    of its uplink or its DDS domain.
     """
     if not robot["up"]:
         return _OF_REASON.get(robot["silent_reason"], "SILENT")
     words = [judged_state(each) for each in robot["components"]]
     words += ["CRITICAL" for _short in robot["short_checks"]]
+    # With a fault it is not OK, though no level says so, as while a component flaps.
     words += [
         problem_state(each)
         for each in robot["problems"]
-        if each["scope"] == "value" and is_bad(each)
+        if each["confirmed"] is not None or (each["scope"] == "value" and is_bad(each))
     ]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
 
