@@ -23,7 +23,7 @@ QUICK = Profile(stale_after=1.0)
 # Families whose samples say when, or by which way, something was received, and how often in a time.
 OF_THE_WAY = (
     *("timestamp", "exporter_", "robot_info", "clock_offset", "canary", "interval"),
-    *("silent_reason", "flap_ratio", "fault_", "robot_link_", "expected_nodes"),
+    *("silent_reason", "flap_ratio", "fault_", "robot_link_", "expected_nodes", "week_"),
 )
 
 
