@@ -202,12 +202,13 @@ def _serve(
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)
-    server.start()
+    # From the first answer on: without a handler, a signal to reload would end the process.
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda _number, _frame: stop.set())
     reload = threading.Event()
     signal.signal(signal.SIGHUP, lambda _number, _frame: reload.set())
+    server.start()
     try:
         service.start()
         notify("READY=1")
