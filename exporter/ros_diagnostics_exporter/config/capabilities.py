@@ -226,8 +226,8 @@ class Capability(Entry):
     name: str = ""
     need: Expression = Expression(None, ())
     all: _AllForm = described(
-        "It needs all of these: components by words of their names, case ignored, or any of the "
-        "[other forms](capabilities.md#expressions).",
+        "It needs all of these: components by words of their names, in upper or lower case, or any "
+        "of the [other forms](capabilities.md#expressions).",
         example=["Motor", {"capability": "front view"}],
         default=None,
     )
@@ -237,13 +237,14 @@ class Capability(Entry):
         default=None,
     )
     at_least: _AtLeastForm = described(
-        "It needs so many of these. In place of `all`.",
+        "It needs `k` of these. In place of `all`.",
         example={"k": 6, "of": ["lidar"]},
         default=None,
     )
     when: ConditionList = described(
-        "It is needed while this condition, or each of this list, is true; otherwise it is OK. "
-        "While the condition is not known, no fault of it begins or ends.",
+        "The capability is needed only while this condition is true; otherwise it is OK. Of a "
+        "list, all have to be true. While the condition is not known, no fault of the capability "
+        "begins or ends.",
         example={"component": "Mode", "key": "mode", "equals": "auto"},
         default=(),
     )
@@ -253,11 +254,14 @@ class Capability(Entry):
         need = _only_form(self)
         for each in parts_of(need):
             if isinstance(each, RobotsOf):
-                what = f"{{can: {each.capability}}} is about robots, and this is of one"
+                what = (
+                    f"{{can: {each.capability}}} is about robots, and this capability belongs to "
+                    "one"
+                )
                 raise WrongValueError(what, "put it into the fleet's capabilities")
         for at, condition in enumerate(self.when):
             if not condition.component:
-                what = "is about the component itself, and a capability is none"
+                what = "is about the component itself, and a capability is no component"
                 is_list = isinstance(given.get("when"), list)
                 below = ("when", at) if is_list else ("when",)
                 raise WrongValueError(what, "name the component: {component: Mode, ...}", below)
@@ -290,7 +294,7 @@ class FleetCapability(Entry):
         default=None,
     )
     at_least: _AtLeastForm = described(
-        "It needs so many of these. In place of `all`.",
+        "It needs `k` of these. In place of `all`.",
         example={"k": 3, "of": [{"can": "lifting", "robots": {"site": "hall"}}]},
         default=None,
     )
@@ -300,7 +304,10 @@ class FleetCapability(Entry):
         need = _only_form(self)
         for each in parts_of(need):
             if isinstance(each, ComponentsOf | CheckOf):
-                what = "names a component or a check, and a fleet has none"
+                what = (
+                    "names a component or a check of a robot, and this capability belongs to the "
+                    "fleet"
+                )
                 raise WrongValueError(what, "name what its robots can do: {can: lifting}")
         return replace(self, need=need)
 

@@ -47,8 +47,8 @@ class Condition(Entry):
 
     text: str = ""  # for people
     component: Words = described(
-        "Words, case ignored, one of which the component's name contains; one such component is "
-        "enough. Without it, the component itself.",
+        "The component's name contains one of these words, in upper or lower case. If several "
+        "components match, one of them is enough. Without it, the component itself.",
         example="Charger",
         default=(),
     )
@@ -59,7 +59,7 @@ class Condition(Entry):
             lambda words: tuple(LEVELS[each] for each in words),
         ),
     ] = described(
-        "The component's level, or a list of levels one of which it has. In place of `key`.",
+        "The component has this level, or one of this list. In place of `key`.",
         example="ERROR",
         default=(),
         key="level",
@@ -68,19 +68,20 @@ class Condition(Entry):
         "The key of one of its values.", example="Charging state", default=()
     )
     texts: Equals = described(
-        "The text that the driver publishes, case ignored, `*` for anything; or a list, one of "
-        "which it is; or {regex: ...}, matched against the whole text.",
+        "The driver publishes this text, or one of this list, in upper or lower case; `*` stands "
+        "for anything. Or {regex: ...}, matched against the whole text.",
         example="charging",
         default=(),
         key="equals",
     )
     below: float | None = described(
-        "The number is below, as it is exported: after `enum`, `scale` and `offset`.",
+        "The number is below this. It counts as it is exported: after `enum`, `scale` and "
+        "`offset`.",
         example=20,
         default=None,
     )
     above: float | None = described(
-        "The number is above, as it is exported.", example=0.5, default=None
+        "The number is above this, as it is exported.", example=0.5, default=None
     )
 
     @override

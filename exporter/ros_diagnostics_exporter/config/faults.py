@@ -41,33 +41,35 @@ class Many(CauseSettings):
     """When components of one robot that fail at once are one fault."""
 
     number: Count = described(
-        "At least so many of its components.", example=10, default=8, key="components"
+        "At least this many of its components.", example=10, default=8, key="components"
     )
     share: Share = described(
         "At least this share of all that it has, too.", example=0.3, default=0.5
     )
     absolute: Count | None = described(
-        "Or so many components, however many it has.", example=40, default=20
+        "Or this many components, however many it has.", example=40, default=20
     )
 
 
 class Site(CauseSettings):
     """When robots of one site that fall silent at once are one fault."""
 
-    number: Count = described("At least so many of its robots.", example=3, default=5, key="robots")
+    number: Count = described(
+        "At least this many of its robots.", example=3, default=5, key="robots"
+    )
     share: Share = described("At least this share of them, too.", example=0.3, default=0.5)
     absolute: Count | None = described(
-        "Or so many robots, however large the site is.", example=50, default=20
+        "Or this many robots, however large the site is.", example=50, default=20
     )
 
 
 class Common(CauseSettings):
     """When one component that is ERROR on many robots is one fault."""
 
-    number: Count = described("At least so many robots.", example=3, default=5, key="robots")
+    number: Count = described("At least this many robots.", example=3, default=5, key="robots")
     share: Share = described("At least this share of the fleet, too.", example=0.2, default=0.25)
     absolute: Count | None = described(
-        "Or so many robots, however large the fleet is.", example=50, default=20
+        "Or this many robots, however large the fleet is.", example=50, default=20
     )
 
 
@@ -89,7 +91,9 @@ class Flapping(Entry):
     """When something changes too often: Nagios' ratio of changes between its last 21 states."""
 
     start: FlapRatio = described("From this ratio on it is flapping.", example=0.5, default=0.4)
-    stop: FlapRatio = described("Below this ratio it no longer is.", example=0.25, default=0.2)
+    stop: FlapRatio = described(
+        "Below this ratio it is no longer flapping.", example=0.25, default=0.2
+    )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Flapping":
@@ -103,11 +107,11 @@ class Intermittent(Entry):
     """When faults too short to be confirmed are too many to be chance."""
 
     changes: Annotated[Count, Field(ge=2, le=20)] = described(
-        "So many changes of a component's level are a fault; one short failure is two changes.",
+        "This many changes of a component's level are a fault. One short failure is two changes.",
         example=6,
         default=4,
     )
-    within: Duration = described("In this time.", example="1h", default=600.0)
+    within: Duration = described("Within this time.", example="1h", default=600.0)
 
 
 class Falling(Entry):
@@ -117,7 +121,7 @@ class Falling(Entry):
         "The time over which the fall is measured.", example="5m", default=900.0
     )
     ahead: Duration = described(
-        "It is a fault if the value would be too low within this time.",
+        "It is a fault if the value will be too low within this time, at this speed.",
         example="1h",
         default=1800.0,
     )
@@ -127,12 +131,14 @@ class RecordingSettings(Entry, title="Recordings"):
     """What a recording has of the messages around the begin of its fault (docs/time-machine.md)."""
 
     before: RecordedTime = described(
-        "How much is recorded from before, at most 10m. More takes more memory.",
+        "How long before the begin of the fault the recording begins, at most 10m. More takes more "
+        "memory.",
         example="2m",
         default=60.0,
     )
     after: RecordedTime = described(
-        "How much is recorded after it began, at most 10m. The recording is there after this time.",
+        "How long after the begin of the fault the recording ends, at most 10m. The recording is "
+        "there after this time.",
         example="30s",
         default=10.0,
     )
@@ -142,13 +148,13 @@ class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
     restart_grace: Duration = described(
-        "After a start of the exporter, no fault begins for so long because data is missing.",
+        "For this time after a start of the exporter, missing data begins no fault.",
         example="1m",
         default=30.0,
     )
     pending_after: Duration = described(
-        "Time after which a declared robot that was never received, nor a publisher of it seen, is "
-        "a fault.",
+        "A robot that fleet.yml names is a fault after this time, if neither a message nor a "
+        "publisher of it was ever seen.",
         example="1h",
         default=900.0,
     )
@@ -164,7 +170,8 @@ class FaultSettings(Entry, title="Faults"):
         default=Flapping(),
     )
     intermittent: Intermittent = described(
-        "When a component whose faults end before they are confirmed has an intermittent one.",
+        "When a component that fails again and again, each time too briefly to be confirmed, has "
+        "an *intermittent* fault.",
         example={"changes": 6},
         default=Intermittent(),
     )
@@ -184,8 +191,8 @@ class FaultSettings(Entry, title="Faults"):
         default=Many().completed({}),
     )
     site: Annotated[CauseSettings, Written(Site)] = described(
-        "When robots of one site (their label `site`; those without it are one) that fall silent "
-        "at once are one fault.",
+        "When robots of one site that fall silent at once are one fault. Robots with the same "
+        "label `site` are one site, and so are those without this label.",
         example={"robots": 3, "share": 0.3},
         default=Site().completed({}),
     )

@@ -111,9 +111,9 @@ class Limits(Entry):
 
     robots: Count = described("Robots.", example=500, default=2000)
     new_robots: Count = described(
-        "How many robots that are not in fleet.yml may be found at once, and again in each ten "
-        "minutes. Robots of the first two minutes do not count until so many of them are gone. "
-        "Robots that were known before never count.",
+        "How many robots that are not in fleet.yml may be found at once, and then again in each "
+        "ten minutes. Robots of the first two minutes do not count, unless this many of them are "
+        "gone again. Robots that were known before never count.",
         example=20,
         default=50,
     )
@@ -128,8 +128,8 @@ class Limits(Entry):
         default=1_048_576,
     )
     series: Count = described(
-        "Series of all robots, components and values; those that count for `new_robots` may have "
-        "half of them.",
+        "Series of all robots, components and values. Robots that count for `new_robots` may have "
+        "at most half of them.",
         example=200_000,
         default=1_000_000,
     )
@@ -147,8 +147,8 @@ class Maintenance(Entry):
     selector: Annotated[
         Mapping[str, Wildcards], Written(dict[str, Wildcards], MappingProxyType)
     ] = described(
-        "The robots: each of these labels (`robot`, `fleet` and those of `labels`) must match one "
-        'of its texts, `*` stands for anything; or {regex: "..."}.',
+        "The robots, by their labels: `robot`, `fleet` and those of `labels`. Each label that you "
+        'name must match one of its texts; `*` stands for anything. Or {regex: "..."}.',
         example={"site": "hall_2", "robot": ["amr_*", "arm_1"]},
     )
     comment: str = described("The reason.", example="batteries, ticket 12")
@@ -196,7 +196,8 @@ class Fleet(Entry, title="FleetFile"):
     """The file fleet.yml."""
 
     name: Name = described(
-        "The fleet's name: the label `fleet` of every series but `process_*` and `python_*`.",
+        "The fleet's name. Every series has it as its label `fleet`, except `process_*` and "
+        "`python_*`.",
         example="plant1",
         key="fleet",
     )
@@ -257,8 +258,8 @@ class Fleet(Entry, title="FleetFile"):
             ),
         ),
     ] = described(
-        "What the fleet can do while enough of its robots can: a fault says so before too few "
-        "can ([capabilities](capabilities.md#of-a-fleet)).",
+        "Jobs of the fleet that need enough robots. You get a warning before too few robots can do "
+        "one ([capabilities](capabilities.md#of-a-fleet)).",
         example={
             "lifting in hall 2": {
                 "at_least": {"k": 3, "of": {"can": "lifting", "robots": {"site": "hall_2"}}}
@@ -267,7 +268,8 @@ class Fleet(Entry, title="FleetFile"):
         default_factory=nothing,
     )
     queries: Annotated[tuple[Query, ...], Written(list[Query], tuple)] = described(
-        "What Prometheus measures of the robots (`--prometheus.url`), as components of them.",
+        "Questions to Prometheus (`--prometheus.url`). The answers become components of the "
+        "robots.",
         example=[
             {
                 "expr": "node_load1",
@@ -296,13 +298,13 @@ class Fleet(Entry, title="FleetFile"):
         default=FaultSettings(),
     )
     recordings: RecordingSettings = described(
-        "How much of what was received around the begin of a fault is kept.",
+        "How long before and after the begin of a fault messages are kept.",
         example={"before": "2m"},
         default=RecordingSettings(),
     )
     exporter: LabelValue = described(
-        "This exporter's name where several share the fleet: the label `exporter` of its faults, "
-        "robots and own metrics. Two that receive the same robots have the same name.",
+        "This exporter's name, if several share the fleet. Its faults, robots and own metrics have "
+        "it as their label `exporter`. Two exporters that receive the same robots have one name.",
         example="berlin",
         default="",
     )

@@ -40,36 +40,39 @@ class Watched(Entry):
     """What is subscribed of a robot beside its diagnostics. All of it costs bytes of its link."""
 
     logs: bool = described(
-        "Subscribe `/rosout`: what the robot's nodes log from ERROR on is in the evidence of its "
-        "faults. Once for all robots of a domain; messages of lower levels are received, too.",
+        "Subscribe `/rosout`: messages that the robot's nodes log with ERROR or worse are in the "
+        "evidence of its faults. There is one subscription for all robots of a domain, and it "
+        "receives messages of lower levels, too.",
         example=True,
         default=False,
     )
     log_faults: Wildcards = described(
-        "With `logs`: messages from ERROR on that are faults themselves; `*` stands for anything.",
+        "With `logs`: messages of ERROR or worse that are faults themselves; `*` stands for "
+        "anything.",
         example=["*out of memory*"],
         default=(),
     )
     log_ends_after: PositiveDuration = described(
-        "How long after the last such message the fault has ended; the time runs while the robot's "
-        "nodes are seen.",
+        "The fault ends this long after the last such message. The time runs only while the "
+        "robot's nodes are seen.",
         example="1h",
         default=600.0,
     )
     transitions: bool = described(
-        "Subscribe `~/transition_event` of the robot's nodes: one that is stuck between two states "
-        "of its life cycle, or fell out of them by an error, is a fault.",
+        "Subscribe `~/transition_event` of the robot's nodes. A node that is stuck between two "
+        "states of its life cycle, or that an error threw out of them, is a fault.",
         example=True,
         default=False,
     )
     parameters: bool = described(
-        "Subscribe `/parameter_events`: what is set is an event of the robot.",
+        "Subscribe `/parameter_events`: each parameter that is set is an event of the robot.",
         example=True,
         default=False,
     )
     bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
-        "How much all this and `topics` may be for each robot, over a minute. If it is more, the "
-        "largest topics are not read for an hour. The component `watch` in `ROS graph` names them.",
+        "How many bytes a second all this and `topics` may take for each robot, over a minute. If "
+        "they take more, the largest topics are not read for an hour. The component `watch` in "
+        "`ROS graph` names them.",
         example=5000,
         default=20_000,
     )
@@ -93,14 +96,14 @@ class Graph(Entry):
     """What is seen of a robot without its doing: its nodes, its topics' QoS, lost messages."""
 
     mode: Literal["auto", "on", "shadow", "off"] = described(
-        "`on`: what is wrong is a fault. `shadow`: it is shown, and no fault. `auto`: `shadow` in "
-        "the first week of a robot, then `on`. `off`: nothing of it is judged. What `watch` asks "
-        "for is a fault with `shadow`, too.",
+        "`on`: problems are faults. `shadow`: problems are shown, and are no faults. `auto`: "
+        "`shadow` in the first week of a robot, then `on`. `off`: the graph is not judged. "
+        "Problems that `watch` finds are faults with `shadow`, too.",
         example="on",
         default="auto",
     )
     learn_after: PositiveDuration = described(
-        "A node is expected after it has been there for so long in all.",
+        "A node is expected after it has been there for this long, all times together.",
         example="8h",
         default=86_400.0,
     )
@@ -119,12 +122,12 @@ class Graph(Entry):
     max_loss: Loss = described(
         "If a larger share of a robot's messages is lost, the link is faulty, until less than half "
         "of this share is lost. Meanwhile a STALE component begins and ends no fault, because its "
-        "messages may be among the lost ones (in a shadow it does).",
+        "messages may be among the lost ones. With `shadow`, it does begin and end faults.",
         example=0.3,
         default=0.2,
     )
     watch: Watched = described(
-        "What is subscribed of the robot beside its diagnostics: nothing, unless it is named here.",
+        "Topics that are subscribed beside the robot's diagnostics. By default there are none.",
         example={"logs": True},
         default=Watched(),
     )

@@ -28,10 +28,10 @@ ActionNames = Annotated[Wildcards, BeforeValidator(_alternatives, json_schema_in
 class TooMany(Entry, title="Count"):
     """How many goals of an action are too many."""
 
-    warning: Count | None = described("So many are a WARNING.", example=2, default=None)
-    critical: Count | None = described("So many are CRITICAL.", example=4, default=None)
+    warning: Count | None = described("This many are a WARNING.", example=2, default=None)
+    critical: Count | None = described("This many are CRITICAL.", example=4, default=None)
     within: PositiveDuration = described(
-        "Within so much time; time in which the robot is not received does not count.",
+        "Within this time. Time in which the robot is not received does not count.",
         example="30m",
         default=600.0,
     )
@@ -57,13 +57,13 @@ class ActionRule(Entry, title="Action"):
         key="match",
     )
     aborted: TooMany | None = described(
-        "So many aborted goals are a fault. It is over when as many goals in a row have "
+        "This many aborted goals are a fault. It is over when as many goals in a row have "
         "succeeded, or when `within` has passed.",
         example={"warning": 2, "critical": 4, "within": "10m"},
         default=None,
     )
     started: TooMany | None = described(
-        "So many goals are a fault, however they end: those of recoveries.",
+        "This many goals are a fault, however they end. Use it for recoveries such as `spin`.",
         example={"warning": 3, "within": "10m"},
         default=None,
     )
@@ -71,7 +71,7 @@ class ActionRule(Entry, title="Action"):
         "A goal that runs for longer is a WARNING.", example="15m", default=None
     )
     ignore_result: bool = described(
-        "How its goals end says nothing about the robot's work: they are in no success ratio.",
+        "The action's goals are no work of the robot, so they are in no success ratio.",
         example=True,
         default=False,
     )
@@ -92,17 +92,19 @@ class Modes(Entry):
     """Where a robot says whether it works by itself; leaving that is an intervention."""
 
     component: Words = described(
-        "Words, case ignored, one of which the name of the component contains that has the mode.",
+        "The component that has the mode: its name contains one of these words, in upper or lower "
+        "case.",
         example="Mode",
     )
     key: Wildcards = described("The key of the mode.", example="mode")
     autonomous: Equals = described(
-        "The texts, case ignored, with which the robot works by itself; `*` stands for anything.",
+        "The modes in which the robot works by itself, in upper or lower case; `*` stands for "
+        "anything.",
         example=["auto", "mission"],
     )
     interventions: ConditionList = described(
-        "Where one of these conditions begins to hold while the robot works by itself, that is an "
-        "intervention, too.",
+        "It is an intervention, too, if one of these conditions becomes true while the robot works "
+        "by itself.",
         example={"component": "E-stop", "key": "pressed", "equals": True},
         default=(),
     )

@@ -65,16 +65,17 @@ class ComponentRule(Conditional, Entry, title="Component"):
     """Settings for some components; the first entry that matches applies."""
 
     pattern: OneOfWords = described(
-        "Words, case ignored, one of which the component's name contains; or {regex: ...}.",
+        "The component's name contains one of these words, in upper or lower case; or {regex: "
+        "...}.",
         example="Laser",
         key="match",
     )
     ignore: bool = described("Ignore these components.", example=True, default=False)
     stale_after: PositiveDuration | None = described(
-        "Time without an update after which they are STALE. By default that of the robot; of what "
-        "drivers publish themselves three times the longest of its last ten gaps, at least 5s, and "
-        "90s while these are not known. What an aggregator publishes it makes STALE itself, after "
-        "its own timeout.",
+        "They are STALE after this time without an update. By default it is the robot's. For a "
+        "component that its driver publishes itself, it is three times the longest of its last ten "
+        "gaps, at least 5s; while these are not known, 90s. An aggregator makes its components "
+        "STALE itself, after its own timeout.",
         example="90s",
         default=None,
     )
@@ -87,23 +88,24 @@ class ComponentRule(Conditional, Entry, title="Component"):
         Mapping[int, int],
         Written(dict[PublishedLevel, LevelWord], MappingProxyType),
     ] = described(
-        "The level that counts in place of the published one, which may be a number that ROS does "
-        "not know; without an entry that is ERROR.",
+        "The level that counts in place of the published one. A published level may be a number "
+        "that ROS does not know; without an entry it counts as ERROR.",
         example={"ERROR": "WARN", "255": "OK"},
         default_factory=nothing,
     )
     reports: Literal["always", "on_change"] = described(
         "`on_change`: they are published only when something changes, as rosserial does. They are "
-        "not STALE for want of an update as long as their robot is received, and keep the level "
-        "that was published last. Those that an aggregator's array no longer has, as after a "
-        "reboot of the robot, are STALE until they are published again: have their drivers "
-        "publish them at their start.",
+        "not STALE for lack of an update while their robot is received, and keep the level that "
+        "was published last. If an aggregator's array no longer has them, for example after a "
+        "reboot of the robot, they are STALE until they are published again. So let their drivers "
+        "publish them when they start.",
         example="on_change",
         default="always",
     )
     ends_after: PositiveDuration | None = described(
-        "With `reports: on_change`: time after which trouble that is not published again is over. "
-        "Without it, it lasts until they are published as OK, or forgotten by a person.",
+        "With `reports: on_change`: a problem that is not published again is over after this time. "
+        "If you leave it out, a problem lasts until they are published as OK, or until a person "
+        "removes them.",
         example="10m",
         default=None,
     )
@@ -113,20 +115,21 @@ class ComponentRule(Conditional, Entry, title="Component"):
         default=False,
     )
     depends_on: Words = described(
-        "Words, case ignored, of the name of another component of the robot that they depend on. "
-        "While that is ERROR or flaps, or STALE as they are, no trouble of theirs begins to be a "
-        "fault ([depends_on](queries.md#depends_on)).",
+        "They depend on the robot's component whose name contains one of these words, in upper or "
+        "lower case. While that component is ERROR or flaps, their problems do not become faults. "
+        "While it is STALE, this holds if they are STALE, too "
+        "([depends_on](queries.md#depends_on)).",
         example="Power",
         default=(),
     )
     when: ConditionList = described(
-        "Their problems are faults only while this condition, or each of this list, is true "
-        "([if it is not known](configuration.md#condition)).",
+        "Their problems are faults only while this condition is true. Of a list, all have to be "
+        "true ([if it is not known](configuration.md#condition)).",
         example={"component": "Mode", "key": "mode", "equals": "auto"},
         default=(),
     )
     unless: ConditionList = described(
-        "Their problems are no faults while this condition, or one of this list, is true.",
+        "Their problems are no faults while this condition is true. Of a list, one is enough.",
         example={"component": "Charger", "key": "State", "equals": "charging"},
         default=(),
     )
@@ -216,13 +219,14 @@ class ValueRule(Conditional, Entry, title="Value"):
     """How some key-values are read; the first entry that matches applies."""
 
     component: OneOfWords | None = described(
-        "Words, case ignored, one of which the component's name contains. Without it, all.",
+        "The component's name contains one of these words, in upper or lower case. Without it, "
+        "all.",
         example="Battery",
         default=None,
     )
     key: OneOfWildcards | None = described(
-        "The key as the driver publishes it, `*` for anything; or {regex: ...}, matched "
-        "against the whole key. A colon at the end may be omitted. Without `key`, all keys.",
+        "The key as the driver publishes it; `*` stands for anything. Or {regex: ...}, matched "
+        "against the whole key. You may omit a colon at its end. Without `key`, all keys.",
         example="Voltage (V)",
         default=None,
     )
@@ -240,8 +244,8 @@ class ValueRule(Conditional, Entry, title="Value"):
     )
     offset: float = described("Added after `scale`.", example=-273.15, default=0.0)
     metric: MetricName | None = described(
-        "Export the value as a metric of this name, in a base unit, in place of `component_value`; "
-        "in addition to it if there are `thresholds`.",
+        "Export the value as a metric of this name, in a base unit, in place of `component_value`. "
+        "If it has `thresholds`, it is exported as both.",
         example="ros_battery_voltage_volts",
         default=None,
     )
@@ -285,8 +289,9 @@ class Check(Entry):
 
     name: str = ""
     patterns: Words = described(
-        "Words, case ignored: a component belongs to the check if its group and name contain "
-        'one of them. {regex: "..."} is searched in `group/component` as it is. Without it, all.',
+        "A component belongs to the check if its group and name contain one of these words, in "
+        'upper or lower case. {regex: "..."} is searched in `group/component`, case as written. '
+        "Without it, all.",
         example=["Motor"],
         default=(),
         key="match",
@@ -316,26 +321,26 @@ class Profile(Entry):
         "Time after which a problem is confirmed.", example="30s", default=10.0
     )
     boot_grace: Duration = described(
-        "Time for which trouble is suppressed that is there from the first message after a "
-        "silence, as of drivers that report ERROR until they are up. Trouble of what was OK first "
-        "is not.",
+        "A problem that is there from the first message after a silence is suppressed for this "
+        "time, because many drivers report ERROR until they are up. A component that was OK first "
+        "and then fails is not suppressed.",
         example="1m",
         default=0.0,
     )
     forget_after: PositiveDuration = described(
-        "Time without an update after which a component of a silent robot, or of planned STALE, is "
-        "forgotten if it was OK, and a discovered robot that never published.",
+        "A component that was OK is forgotten after this time without an update, if its robot is "
+        "silent or its STALE is planned. So is a discovered robot that never published.",
         example="24h",
         default=86_400.0,
     )
     flap_interval: PositiveDuration = described(
-        "Time between two of the 21 states in which changes are counted for "
-        "`component_flap_ratio`.",
+        "For `component_flap_ratio`, changes are counted between 21 states. This is the time "
+        "between two of these states.",
         example="1m",
         default=15.0,
     )
     stale_is_critical: bool = described(
-        "Whether STALE counts as CRITICAL; else it is a state of its own between WARNING and "
+        "Whether STALE counts as CRITICAL. If not, it is a state of its own between WARNING and "
         "CRITICAL. By default the fleet's `stale_is_critical`.",
         example=True,
         default=False,
@@ -377,7 +382,7 @@ class Profile(Entry):
         default=(),
     )
     topics: Annotated[tuple[TopicEntry, ...], Written(list[TopicEntry], tuple)] = described(
-        "Fields of small topics as components, for what no diagnostics say "
+        "Small topics, of which you make components "
         "([robots without diagnostics](robots-without-diagnostics.md)).",
         example=[{"topic": "e_stop", "component": "E-stop", "field": "data", "error_when": True}],
         default=(),
@@ -398,8 +403,8 @@ class Profile(Entry):
             ),
         ),
     ] = described(
-        "What the robot can do, and what it needs for it: a fault says what is lost, and what "
-        "still works ([capabilities](capabilities.md)).",
+        "Jobs that the robot can do, each with the components that it needs. A fault then says "
+        "which job is lost, and which still works ([capabilities](capabilities.md)).",
         example={
             "driving": ["Motor", {"capability": "front view"}],
             "front view": {"any": ["Laser", "Camera"]},
@@ -407,7 +412,8 @@ class Profile(Entry):
         default_factory=nothing,
     )
     graph: Graph = described(
-        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        "How the robot's nodes and topics in the ROS graph, and its lost messages, are judged "
+        "([silent faults](silent-faults.md)).",
         example={"mode": "on", "expect": ["amcl"]},
         default=Graph(),
     )
@@ -418,8 +424,8 @@ class Profile(Entry):
         default=(),
     )
     links: Links = described(
-        "What people open of the robot beside its page, by name. `{robot}` is its name, and "
-        "`{address}` its `address`: without that, links that need it are left out.",
+        "Links to more about the robot, by name. `{robot}` stands for its name, and `{address}` "
+        "for its `address`. A robot without `address` has no links that need it.",
         example={"manual": "https://wiki.example.org/amr", "camera": "http://{address}:8080/"},
         default_factory=nothing,
     )

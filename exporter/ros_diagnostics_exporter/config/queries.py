@@ -91,8 +91,8 @@ class Query(Entry):
         example="100 * node_filesystem_avail_bytes / node_filesystem_size_bytes",
     )
     component: ComponentTemplate = described(
-        "The component's name; `{label}` stands for a label of the result. A robot's elements of "
-        "one name are one component, which is as bad as the worst of them.",
+        "The component's name; `{label}` stands for a label of the result. If several elements of "
+        "a robot get the same name, they are one component, as bad as the worst of them.",
         example="disk {mountpoint}",
     )
     group: Name = described("The group of the components.", example="Network", default="Host")
@@ -103,15 +103,16 @@ class Query(Entry):
         default=None,
     )
     address: ResultLabel | None = described(
-        "In place of `robot`: the label that has the robot's `address`; a port behind it is "
-        "ignored.",
+        "In place of `robot`: the label of the result that has the robot's `address`. A port "
+        "behind the address is ignored.",
         example="instance",
         default=None,
     )
     unit: Unit | None = described("The unit of the result.", example="%", default=None)
     thresholds: Annotated[tuple[Threshold, ...], Written(Thresholds, tuple)] = described(
-        "The level of a component: WARN beyond `warning`, ERROR beyond `critical`. It ends beyond "
-        "`value_hysteresis`. Without thresholds it is OK, or STALE.",
+        "The level of a component: WARN beyond `warning`, ERROR beyond `critical`. It ends when "
+        "the value is back by `value_hysteresis`. Without thresholds the component is OK, or "
+        "STALE.",
         example={"low": {"warning": 20, "critical": 10}},
         default=(),
     )
@@ -124,20 +125,21 @@ class Query(Entry):
         default=60.0,
     )
     confirm_after: Duration | None = described(
-        "Time after which a problem is confirmed, in place of the profile's. An entry of the "
-        "profile's `components` precedes it.",
+        "Time after which a problem is confirmed, in place of the profile's. If an entry of the "
+        "profile's `components` has a time, that one counts.",
         example="1m",
         default=None,
     )
 
     planned_stale: bool = described(
-        "Their STALE is no fault: where another query says that the target does not answer.",
+        "Their STALE is no fault. Use it if another query says that the target does not answer.",
         example=True,
         default=False,
     )
     uplink: bool = described(
-        "While one of them is ERROR, the robots that name its robot by the label `uplink` are "
-        "unreachable: their silence, and what is measured of them, is no fault.",
+        "The query judges uplinks. While the component of an uplink is ERROR, the robots that name "
+        "it in their label `uplink` are unreachable: neither their silence nor their measurements "
+        "are faults.",
         example=True,
         default=False,
     )

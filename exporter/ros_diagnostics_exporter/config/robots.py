@@ -62,17 +62,18 @@ SourceOfOne = Annotated[
 ]
 
 _SOURCE = (
-    "Where the components are read from. `agg`: the aggregator's tree. `raw`: what the drivers "
-    "publish. `both`: the tree, with changes from raw. `auto`: the tree if one comes within 5 s of "
-    "the first raw message, else raw; when a tree comes later, both for a minute, then the tree."
+    "Where the components are read from. `agg`: the aggregator's tree. `raw`: the topic of the "
+    "drivers. `both`: the tree, with changes from raw. `auto`: the tree, if one comes within 5 s "
+    "of the first raw message, and raw otherwise. If a tree comes later, `auto` reads both for a "
+    "minute, and then the tree."
 )
 # Keys of several entries, each described once.
 _profile = partial(described, default_factory=Profile, written=DEFAULT)
 _labels = partial(
     described,
-    "Labels of `robot_info` and, for routing, of the alerts of the robot's faults. The rules that "
-    "are shipped know `site`, `robot_group`, `team`, `kind` and `uplink`; any other is for your "
-    "own. Reserved names are rejected.",
+    "Labels of `robot_info` and, for routing, of the alerts of the robot's faults. The shipped "
+    "rules know `site`, `robot_group`, `team`, `kind` and `uplink`; other labels are for rules of "
+    "your own. Reserved names are rejected.",
     example={"site": "hall"},
     default_factory=nothing,
 )
@@ -80,8 +81,9 @@ _labels = partial(
 
 def _zenoh(instead_of: str, whose: str, *, example: str) -> Any:
     return described(
-        f"In place of `{instead_of}`, for what comes by [zenoh](#zenoh): what is before the topic "
-        f"in {whose} keys: a bridge's `namespace`, the number of rmw_zenoh's domain, or `/`.",
+        f"In place of `{instead_of}`, if messages come by [zenoh](#zenoh): the part of {whose} "
+        "keys before the topic. It is a bridge's `namespace`, the number of rmw_zenoh's domain, or "
+        "`/`.",
         example=example,
         default=None,
     )
@@ -100,8 +102,8 @@ class Robot(Entry):
         default=0,
     )
     namespace: Namespace = described(
-        "The ROS namespace in which the robot publishes `diagnostics_agg` and `diagnostics`. "
-        "Without `namespace` and `topic` the robot is the one in the root namespace of its domain.",
+        "The ROS namespace in which the robot publishes `diagnostics_agg` and `diagnostics`. If "
+        "you give neither `namespace` nor `topic`, it is the root namespace of its domain.",
         example="/robot_1",
         default="",
         written="/",
@@ -110,9 +112,9 @@ class Robot(Entry):
     topic_raw: str | None = None
     source: SourceOfOne = described(
         f"{_SOURCE} `none`: the robot has no diagnostics, and is judged by `topics` and `graph` of "
-        "its profile. `queries`: it has the components of [queries](#query), with a `domain_id`, "
-        "`namespace` or `zenoh` also those of its profile's `topics` and `graph`, and is never "
-        "silent.",
+        "its profile. `queries`: it has the components of [queries](#query), and is never silent. "
+        "With a `domain_id`, `namespace` or `zenoh` it also has those of its profile's `topics` "
+        "and `graph`.",
         example="raw",
         default=Source.AUTO,
     )
@@ -129,9 +131,9 @@ class Robot(Entry):
         default_factory=nothing,
     )
     topic: Topic | None = described(
-        "The topic in full, in place of `namespace`. With source `auto` or `both` it is the "
-        "aggregate's if it ends in `_agg`, else raw, and the other is named after it. If it is one "
-        "of `shared`, this is one of the robots there.",
+        "The full name of the topic, in place of `namespace`. With source `auto` or `both`, a "
+        "topic that ends in `_agg` is the aggregator's, and any other is raw; the name of the "
+        "second topic follows from it. If `shared` has the topic, this is one of the robots there.",
         example="/robot_1/health/diagnostics_agg",
         default=None,
     )
@@ -181,8 +183,8 @@ class Discovery(Entry):
     # fullmatch on the topic; group "robot" if `name` needs it
     pattern: re.Pattern[str] = topic_pattern("")
     template: TopicTemplate = described(
-        "The topics to look for: `{robot}` stands for one part of the name and becomes the "
-        "robot's name, `*` stands for one part of any name.",
+        "The topics to look for. `{robot}` stands for one part of the topic, which becomes the "
+        "robot's name; `*` stands for one part of any name.",
         example="/{robot}/diagnostics_agg",
         default="",
         key="topic",
@@ -194,15 +196,15 @@ class Discovery(Entry):
         written=[0],
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
-        "In place of `topic`: every topic of this type in a namespace is a robot's, named after "
-        "the last part of the namespace (`/hall/r1/health` -> `r1`). With source `agg` only topics "
-        "that end in `_agg`, with `raw` only the others.",
+        "In place of `topic`: every topic of this type in a namespace belongs to a robot. The last "
+        "part of the namespace is its name (`/hall/r1/health` -> `r1`). With source `agg` only "
+        "topics that end in `_agg` count, with `raw` only the others.",
         example=MESSAGE_TYPE,
         default=None,
     )
     name: NameTemplate = described(
-        "The robot's name, made of `{robot}` and `{domain_id}`; for robots in the root namespace "
-        "of a domain of their own: `robot_{domain_id}`.",
+        "The robot's name, made of `{robot}` and `{domain_id}`. If each robot is in the root "
+        "namespace of a domain of its own, write `robot_{domain_id}`.",
         example="amr_{robot}",
         default=ROBOT,
     )
@@ -211,14 +213,14 @@ class Discovery(Entry):
     )
     exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
     source: AnySource = described(
-        f"{_SOURCE} `none`: the robots have no diagnostics. `topic` is any small topic of theirs, "
-        "whatever its type, and their namespace is what it has up to `{robot}`.",
+        f"{_SOURCE} `none`: the robots have no diagnostics. `topic` is then any small topic of "
+        "theirs, whatever its type. Their namespace is the topic up to `{robot}`.",
         example="agg",
         default=Source.AUTO,
     )
     profile: ProfileName = _profile("The robot's profile.", example="turtlebot4")
     address: NameTemplate | None = described(
-        "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
+        "The robot's host, made of `{robot}` (the robot's name) and `{domain_id}`.",
         example="{robot}.lan",
         default=None,
     )
@@ -268,8 +270,8 @@ class Shared(Entry):
     raw: bool = True  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
     domain_id: DomainId = described("Its DDS domain.", example=7, default=0)
     source: Literal["agg", "raw"] | None = described(
-        "Whether arrays are complete (`agg`) or partial (`raw`). By default `agg` if the topic's "
-        "name ends in `_agg`, else `raw`.",
+        "Whether arrays are complete (`agg`) or partial (`raw`). By default a topic that ends in "
+        "`_agg` is `agg`, and any other is `raw`.",
         example="raw",
         default=None,
     )
@@ -279,9 +281,10 @@ class Shared(Entry):
         default="hardware_id",
     )
     pattern: Split | None = described(
-        "How to find the robot's name there: text with `{robot}` and, for names, `{component}`; "
-        'or {regex: "..."} with such groups, `(?P<robot>...)`. What does not match is rejected. '
-        "Without it the whole hardware_id is the robot's name; `by: name` needs it.",
+        "How to find the robot's name there: text with `{robot}`, and with `{component}` for `by: "
+        'name`; or {regex: "..."} with groups of these names, `(?P<robot>...)`. A status that does '
+        "not match is rejected. Without it the whole hardware_id is the robot's name. `by: name` "
+        "needs it.",
         example="{robot}/{component}",
         default=None,
     )
@@ -325,13 +328,12 @@ class Zenoh(Entry):
         default=None,
     )
     ca_file: File | None = described(
-        "The certificates of the authorities that a router's certificate is checked with (`tls/`, "
-        "`quic/`), in PEM.",
+        "A file in PEM with the authorities that sign the routers' certificates (`tls/`, `quic/`).",
         example="/etc/ros-diagnostics/ca.pem",
         default=None,
     )
     cert_file: File | None = described(
-        "The exporter's own certificate, where the router asks for one; needs `key_file`.",
+        "The exporter's own certificate, if the router asks for one; needs `key_file`.",
         example="/etc/ros-diagnostics/exporter.pem",
         default=None,
     )

@@ -73,23 +73,24 @@ class TopicEntry(Entry, title="Topic"):
     )
     field: FieldPath | None = described(
         "The field that `levels` or `error_when` judges; it is a value of the component, too. A "
-        "path has dots, `[0]` for an element of an array, `[*]` for all by their numbers, and "
-        "`[name]` for all by the array `name` beside it, or by their own field `name`.",
+        "path has dots. `[0]` is one element of an array. `[*]` is all elements, named by their "
+        "numbers. `[name]` is all elements, named by the array `name` beside it, or by their own "
+        "field `name`.",
         example="safety_mode.mode",
         default=None,
     )
     fields: Annotated[Mapping[str, str], Written(dict[FieldPath, Word], MappingProxyType)] = (
         described(
-            "Fields that are values of the component, each with its key, which may have a unit. A "
+            "Fields that become values of the component. Each has a key, which may have a unit. A "
             "number that is NaN or infinite is left out.",
             example={"percentage": "Charge", "voltage": "Voltage (V)"},
             default_factory=nothing,
         )
     )
     levels: Annotated[Mapping[str, int], Written(dict[Word, LevelWord], _folded)] = described(
-        "The level for each value of `field`: a number, text, true or false, or a constant of the "
-        "message by its name, case ignored. `other` stands for all that are not named, which are "
-        "ERROR without it.",
+        "The level for each value of `field`. A value is a number, text, true or false, or the "
+        "name of a constant of the message, in upper or lower case. `other` stands for all values "
+        "that are not named. Without `other` they are ERROR.",
         example={"NORMAL": "OK", "2": "WARN", "other": "ERROR"},
         default_factory=nothing,
     )
@@ -100,8 +101,8 @@ class TopicEntry(Entry, title="Topic"):
         default=(),
     )
     every: PositiveDuration = described(
-        "The least time between two messages that are read. Half of the robot's `stale_after` if "
-        "that is less, so that the robot is not silent between the two.",
+        "The least time between two messages that are read. If half of the robot's `stale_after` "
+        "is shorter, that counts, so that the robot is not silent between the two.",
         example="5s",
         default=1.0,
     )
