@@ -130,7 +130,9 @@ class Alertmanager:
         except UnreachableError as error:
             if self._answers is not False:
                 log.error(
-                    "no acknowledgements and downtimes: Alertmanager does not answer: %s", error
+                    "acknowledgements and downtimes are not followed: Alertmanager does not "
+                    "answer: %s",
+                    error,
                 )
             self._answers = False
             return
@@ -229,4 +231,4 @@ def explained(
         found = alertmanager.explain(fleet, robot, component)
     except UnreachableError as error:
         return [f"Alertmanager does not answer: {error}"]
-    return found or ["Alertmanager has no alert of it now"]
+    return found or ["Alertmanager has no alert about it now"]

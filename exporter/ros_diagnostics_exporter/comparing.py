@@ -139,7 +139,8 @@ class Comparing:
         topics = found - nodes
         missed = topics - self._listener.received_since(domain, topics, known.since)
         missed |= nodes & self._gone(domain)
-        why = f"another process finds {first_few(sorted(missed), 1)}, and this one does not"
+        missing = first_few(sorted(missed), 1)
+        why = f"a second process on this machine finds {missing}, and the exporter does not"
         if missed and before:
             return {domain: why}
         known.missed = missed

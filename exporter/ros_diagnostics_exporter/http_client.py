@@ -154,7 +154,8 @@ class Client:
             text = self._bytes(path, body, limit, method)
             return json.loads(text) if text else None
         except (ValueError, RecursionError) as error:  # deeply nested JSON is the latter
-            raise UnreachableError(f"{self.url.rstrip('/')}{path}: {error}") from error
+            where = f"{self.url.rstrip('/')}{path.partition('?')[0]}"
+            raise UnreachableError(f"{where}: the answer is not JSON") from error
 
     def _bytes(self, path: str, body: Any, limit: int, method: str | None = None) -> bytes:
         url = self.url.rstrip("/") + path
@@ -172,7 +173,8 @@ class Client:
             finally:
                 connection.close()
         except (OSError, ValueError, http.client.HTTPException) as error:
-            raise UnreachableError(f"{url}: {_reason(error)}") from error
+            # Without the question: it may be a page long.
+            raise UnreachableError(f"{url.partition('?')[0]}: {_reason(error)}") from error
 
     def _connection(self, url: str) -> tuple[_Connection, str]:
         """A connection to the server, and what to ask it for."""
@@ -192,7 +194,8 @@ class Client:
                 context.load_cert_chain(self._cert_file, self._key_file)
         except OSError as error:  # which does not name the file
             files = filter(None, (self._ca_file, self._cert_file, self._key_file))
-            raise UnreachableError(f"{', '.join(map(str, files))}: {error}") from error
+            names = ", ".join(map(str, files))
+            raise UnreachableError(f"{names}: cannot be used: {error.strerror}") from error
         return context
 
     def _login(self) -> dict[str, str]:

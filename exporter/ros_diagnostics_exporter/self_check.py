@@ -52,7 +52,9 @@ class SelfCheck:
         why = "it could not be reloaded: the previous configuration is in force; the log says why"
         yield _warning("fleet.yml", why, is_wrong=not reloader.successful)
         if storage is not None:
-            why = "it cannot be written: a restart would lose what changes; the log says why"
+            why = (
+                "it cannot be written, so a restart would lose the latest changes; the log says why"
+            )
             why = why if not storage.successful else storage.crowded_reason
             is_known = not storage.successful or storage.written_at >= self._started.wall
             is_wrong = storage.is_crowded or not storage.successful
@@ -85,14 +87,14 @@ class SelfCheck:
             if not loop.name.startswith(_OTHERS):
                 most = HANGS + loop.interval
                 hangs = now.wall - max(loop.last_turn, self._started.wall) > most
-                why = f"it has finished no turn for {most:.0f} s: it hangs, or fails each time"
+                why = f"it has done nothing for {most:.0f} s: it hangs, or fails each time"
                 yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
 
     def _unmatched(self, now: Instant) -> OwnReport:
         state = self._exporter.state  # without robots that is what is wrong
         found = [str(each) for each in state.unmatched.entries] if state.robots else []
         is_known = bool(found) or now.mono - self._started.mono > _MATCHED
-        why = f"{len(found)} are not in force: {_named(found)}"
+        why = f"{len(found)} have no effect: {_named(found)}"
         return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
 
     def _robots(self, now: Instant) -> OwnReport:
@@ -100,7 +102,7 @@ class SelfCheck:
         is_known = bool(state.robots) or state.settled(now)
         why = "none is known: fleet.yml declares none, and none is discovered"
         if state.unclaimed:
-            why += f"; no entry takes {_named(list(map(str, state.unclaimed)))}"
+            why += f"; no entry of fleet.yml matches {_named(list(map(str, state.unclaimed)))}"
         is_wrong = not state.robots
         return _warning("robots", why, is_wrong=is_wrong, is_known=is_known, confirm_after=SLOW)
 

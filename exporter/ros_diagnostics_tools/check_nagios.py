@@ -81,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"UNKNOWN - no answer from {_clean(options.url)} in {options.timeout:g} s",
         )
     except Exception as error:  # noqa: BLE001 - Python's own exit code 1 would be WARNING
-        code, line = UNKNOWN, f"UNKNOWN - {type(error).__name__}: {_clean(str(error))}"
+        what = "the exporter's answer is not as expected; is it of the same version?"
+        code, line = UNKNOWN, f"UNKNOWN - {what} ({_clean(repr(error))})"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
     print(line)  # noqa: T201

@@ -135,13 +135,16 @@ def _run(arguments: list[str] | None) -> int:
     return int(code or 0)
 
 
+_OTHERS = "For another address: --url (exporter), --alertmanager, --prometheus"
+
+
 def _in_words(error: UnreachableError) -> str:
     """What the server says is wrong, or what to do about one that does not answer."""
     if isinstance(error, AnsweredError):
         said = _error_of(error.body)
         return f"{said} ({error})" if said else str(error)
     if isinstance(error.__cause__, (ConnectionError, TimeoutError, socket.gaierror)):
-        return f"cannot reach {error}. Does it run? Other addresses: --url, --alertmanager"
+        return f"cannot reach {error}. Does it run? {_OTHERS}"
     return str(error)
 
 

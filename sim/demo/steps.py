@@ -123,9 +123,10 @@ def mail_errors(mails: Sequence[Mail], faults: Sequence[Fault]) -> list[str]:
 
 def announcement(faults: Sequence[Fault]) -> str:
     """Return what will happen, and which emails that brings."""
-    names = " and ".join(f"{fault.component} of {fault.robot}" for fault in faults)
-    ones = [f"{name} of {fault.robot}" for fault in faults for name in fault.mailed]
-    return f"{names} will fail and be repaired: a PROBLEM and a RECOVERY for {', '.join(ones)}"
+    broken = " and ".join(f"{fault.component} of {fault.robot}" for fault in faults)
+    mailed = [f"{name} of {fault.robot}" for fault in faults for name in fault.mailed]
+    two = "each of these gets a PROBLEM mail and later a RECOVERY mail"
+    return f"soon these break, and are repaired later: {broken}; {two}: {', '.join(mailed)}"
 
 
 def finished(faults: Sequence[Fault]) -> str:

@@ -85,7 +85,7 @@ def fault_history(
         "at": at,
         "entries": entries(own, of_many, component, known["labels"].get("site", "")),
         "now": [
-            *standings(problems, now, known),
+            *(standings(problems, now, known) or ["there is no problem"]),
             *(f"recorded around its begin: {each}" for each in recorded),
         ],
     }

@@ -104,8 +104,8 @@ def _add_fleet(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--live",
-        "with --config.check: also print what of the configuration matches no robot, "
-        "component or value that the exporter running at URL (http://localhost:9877) knows",
+        "with --config.check: also print each entry that matches no robot, component or value "
+        "of the exporter that runs at URL (http://localhost:9877)",
         metavar="URL",
     )
 
@@ -173,8 +173,8 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--web.enable-actions",
-        "forms on the pages: who has logged in (basic_auth_users) acknowledges a fault or "
-        "plans a downtime at --alertmanager.url",
+        "show forms on the pages; a person who has logged in (basic_auth_users) can acknowledge "
+        "a fault or plan a downtime, at --alertmanager.url",
         action="store_true",
     )
 
@@ -182,9 +182,9 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
     add = _section(parser, "Alertmanager, for acknowledgements and downtimes")
     meaning = (
-        "read this fleet's acknowledgements and downtimes from it every few seconds, and the "
-        "faults that fire, to go on with them without the database; "
-        "repeatable for a cluster, the first that responds is used (default: none)"
+        "read this fleet's acknowledgements and downtimes from it every few seconds, and which "
+        "faults fire, in case the database is lost; repeatable for a cluster: the first that "
+        "responds is used (default: none)"
     )
     url = partial(_server, example="http://localhost:9093", flags="--alertmanager")
     add("--alertmanager.url", meaning, action="append", type=url, metavar="URL")
@@ -194,19 +194,19 @@ def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
 def _add_prometheus(parser: argparse.ArgumentParser) -> None:
     add = _section(parser, "Prometheus, for the queries of fleet.yml")
     meaning = (
-        "ask it the queries of fleet.yml, whose results are components of the robots "
+        "ask it the queries of fleet.yml; the answers become components of the robots "
         "(default: none)"
     )
     url = partial(_server, example="http://localhost:9090", flags="--prometheus")
     add("--prometheus.url", meaning, type=url, metavar="URL")
-    meaning = "a bearer token, in one line, in place of user and password"
+    meaning = "a file with a bearer token in one line, in place of user and password"
     add("--prometheus.bearer-token-file", meaning, **_FILE)
     _add_login(add, "--prometheus")
 
 
 def _add_login(add: Callable[..., None], server: str) -> None:
     add(f"{server}.user", "for basic auth", metavar="NAME")
-    add(f"{server}.password-file", "the user's password, in one line", **_FILE)
+    add(f"{server}.password-file", "a file with the user's password in one line", **_FILE)
     add(f"{server}.ca-file", "CA of its certificate (default: the system's)", **_FILE)
 
 

@@ -105,6 +105,7 @@ def last_received(identity: Identity, find: Find) -> str:
     else:
         level = Level(component.level).name
         parts = [_WORDS.get(level, level), _text(component.message)]
+        parts = list(dict.fromkeys(parts))  # many drivers say OK twice
     return ": ".join(filter(None, parts))[:LENGTH]
 
 

@@ -104,8 +104,8 @@ ROBOT_CLOCK_OFFSET = _family(
 ROBOT_LINK_LOST = _family(
     "robot_link_lost_ratio",
     "gauge",
-    "Share of the last minute's messages that are missing by their sequence numbers; only where "
-    "a topic of the robot has one publisher.",
+    "Share of the last minute's messages that are missing, by their sequence numbers. Absent if no "
+    "topic of the robot has exactly one publisher.",
     ROBOT,
 )
 ROBOT_LINK_DELAY = _family(
@@ -123,15 +123,16 @@ ROBOT_LINK_JITTER = _family(
 ROBOT_LINK_CLOCK = _family(
     "robot_link_clock_offset_seconds",
     "gauge",
-    "The least of receive time minus send time of the last minute's messages: the robot's "
-    "clock is behind the exporter's by at most this, or, below zero, ahead by at least this.",
+    "The smallest receive time minus send time among the last minute's messages. Above zero, the "
+    "robot's clock is behind the exporter's by at most this. Below zero, it is ahead by at least "
+    "this.",
     ROBOT,
 )
 ROBOT_WATCHED = _family(
     "robot_watch_bytes_per_second",
     "gauge",
-    "Bytes of messages per second that are received beside diagnostics, by `watch` of fleet.yml, "
-    "over the last minute; its share of what all robots of a domain have.",
+    "Bytes per second that are received beside diagnostics, by `watch` and `topics` of fleet.yml, "
+    "over the last minute. Of a topic that all robots of a domain share, the robot's share.",
     ROBOT,
 )
 ROBOT_EXPECTED_NODES = _family(
@@ -224,17 +225,16 @@ COMPONENT_MAINTENANCE = _family(
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
-    "1 with the component's message, while it is not OK. A message that differs in digits "
-    "alone does not replace it. For a component that no longer reports: that it does not, and "
-    "its last message.",
+    "1 with the component's message, while it is not OK. A new message that differs only in digits "
+    "does not replace it. If the component no longer reports, the message says so, with the last "
+    "one.",
     (*COMPONENT, "message"),
 )
 COMPONENT_SUPPRESSED = _family(
     "component_suppressed",
     "gauge",
-    "1 while a fault that is due does not begin because another one says it: that of a "
-    "component that it depends on (depends_on), or of a capability that needs it "
-    "(capability).",
+    "1 while a fault of the component does not begin because another fault says it: of a component "
+    "that it depends on (depends_on), or of a capability that needs it (capability).",
     (*COMPONENT, "reason"),
 )
 COMPONENT_INFO = _family(
@@ -306,16 +306,16 @@ FLEET_CAPABILITY_STATE = _family(
 FLEET_CAPABILITY_ROBOTS = _family(
     "fleet_capability_robots",
     "gauge",
-    "Robots on which it rests that can do their part (ok), or not: degraded, lost, unknown, or in "
-    "maintenance.",
+    "Robots that the capability needs, by how well they can do their part: ok, degraded, lost, "
+    "unknown, or in maintenance.",
     (*EXPORTER, "capability", "state"),
     part=Part.FAULTS,
 )
 DOWNTIME_END = _family(
     "downtime_end_timestamp_seconds",
     "gauge",
-    "When a planned downtime that is active ends (Unix time), +Inf if it has no end: its name in "
-    "fleet.yml, or a person's comment and name, and the first of its robots.",
+    "When an active downtime ends (Unix time), +Inf if it has no end. The labels have its name in "
+    "fleet.yml, or the comment and name of the person who planned it, and its first robots.",
     (*EXPORTER, "downtime", "author", "site", "team", "robots"),
     part=Part.FAULTS,
 )
@@ -366,9 +366,9 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time). The labels have the details at the time "
-    "of its confirmation, at most 640 characters, and the lost capabilities. Present until "
-    "its end; after a restart from when it is confirmed anew.",
+    "When the problem of a fault began (Unix time). The labels have the details at the time of its "
+    "confirmation, at most 640 characters, and the lost capabilities. Present until the fault "
+    "ends. After a restart it is absent until the fault is confirmed anew.",
     (*FAULT, "evidence", "capabilities"),
     open=True,
     part=Part.FAULTS,
@@ -386,8 +386,8 @@ FAULT_MEMBER = _family(
 FAULT_ACKNOWLEDGED = _family(
     "fault_acknowledged_timestamp_seconds",
     "gauge",
-    "When a fault that lasts was acknowledged (Unix time), by whom and with which words; only with "
-    "--alertmanager.url.",
+    "When a fault that lasts was acknowledged (Unix time), with the person's name and comment. "
+    "Only with --alertmanager.url.",
     (*FAULT, "author", "comment"),
     open=True,
     part=Part.FAULTS,
@@ -396,8 +396,8 @@ FAULT_ACKNOWLEDGED = _family(
 FAULT_NOTIFIED = _family(
     "fault_notified_timestamp_seconds",
     "gauge",
-    "When Alertmanager last sent a notification of a fault that lasts to a receiver (Unix time); 0 "
-    "without a receiver if it sent none; only where it posts them to /api/v1/notifications.",
+    "When Alertmanager last sent a notification of a fault that lasts to a receiver (Unix time). "
+    "If it sent none, 0 without a receiver. Only if it posts them to /api/v1/notifications.",
     (*FAULT, "receiver"),
     open=True,
 )
@@ -405,9 +405,10 @@ FAULT_NOTIFIED = _family(
 FAULT_END = _family(
     "fault_end_timestamp_seconds",
     "gauge",
-    "When a fault ended (Unix time), whether it recovered or a person removed it, and as "
-    "evidence the message that ended it, when, and how long it lasted. Present for an hour, or "
-    "until it begins again. With a robot alone: a person forgot this robot.",
+    "When a fault ended (Unix time). The reason says whether it recovered or a person removed it. "
+    "The evidence has the message that ended it, when, and how long it lasted. Present for an "
+    "hour, or until the fault begins again. If it has a robot and no fault, a person removed this "
+    "robot.",
     (*FAULT, "reason", "evidence"),
     open=True,
     part=Part.FAULTS,

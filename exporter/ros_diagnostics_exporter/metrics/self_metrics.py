@@ -302,7 +302,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_loop_errors_total",
             "counter",
-            "Turns of a loop, or of a domain parts of them, that failed, which is a bug; at most "
+            "Turns of a loop, or parts of a domain's turns, that failed. Each is a bug. At most "
             "one a minute is logged.",
             (*EXPORTER, "loop"),
         ),

@@ -158,7 +158,7 @@ class FleetRejections:
             log.warning(
                 "a status on the shared topic %s in %s names no robot: name %.80r, "
                 "hardware_id %.80r; logged once, counted in exporter_rejected_total as no_robot. "
-                "Change by or pattern in fleet.yml, or fix the driver",
+                "Change `by` or `pattern` of fleet.yml, or mend the driver",
                 topic.name,
                 place(topic.domain_id),
                 statuses[0].name,

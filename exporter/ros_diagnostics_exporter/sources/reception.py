@@ -335,7 +335,7 @@ class Reception(ABC):
                 name,
                 "rate",
                 "%s, %s: more arrives than is decoded, %d messages were dropped just now, "
-                "the oldest first; counted as rate",
+                "the oldest first; they are counted with the reason rate",
                 dropped,
             )
         if largest * topic.depth > MAX_HISTORY:

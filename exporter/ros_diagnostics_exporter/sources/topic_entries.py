@@ -35,12 +35,12 @@ REFUSED = {
             "sensor_msgs/msg/MultiEchoLaserScan",
             "tf2_msgs/msg/TFMessage",
         ),
-        "too large or too fast a type: publish what is judged as a topic of its own",
+        "too large or too fast a type: publish the fields that you judge on a small topic",
     ),
     "diagnostic_msgs/msg/DiagnosticArray": "diagnostics, which are read without an entry",
-    "rcl_interfaces/msg/Log": "what graph.watch.logs reads",
-    "rcl_interfaces/msg/ParameterEvent": "what graph.watch.parameters reads",
-    "lifecycle_msgs/msg/TransitionEvent": "what graph.watch.transitions reads",
+    "rcl_interfaces/msg/Log": "read by graph.watch.logs, without an entry",
+    "rcl_interfaces/msg/ParameterEvent": "read by graph.watch.parameters, without an entry",
+    "lifecycle_msgs/msg/TransitionEvent": "read by graph.watch.transitions, without an entry",
 }
 _UNPUBLISHED = "nobody publishes it: correct topic in fleet.yml, or start its publisher"
 
@@ -102,7 +102,7 @@ class TopicEntries:
         robots = sorted(self.robots(topic))
         if len(robots) > 1:
             both = f"{', '.join(robots[:-1])} and {robots[-1]}"
-            return f"{both} ask for it, so nobody knows whose it is: give each robot a topic"
+            return f"{both} ask for it, and it can belong to one only: give each robot its topic"
         return f"{kind} is {REFUSED[kind]}" if robots and kind in REFUSED else ""
 
     def offer_refusal(self, kind: str, type_hash: str, types: MessageTypes) -> str:

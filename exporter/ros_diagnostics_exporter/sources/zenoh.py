@@ -204,7 +204,7 @@ class ZenohNetwork(Reception):
     @property
     def _away(self) -> str:
         where = ", ".join(self.settings.routers)
-        why = "RUST_LOG=warn logs why, but for a wrong user or password"
+        why = "with RUST_LOG=warn the log says why, except for a wrong user or password"
         return f"no router answers at {where} and accepts this exporter ({why})"
 
     # -- tokens ---------------------------------------------------------------------------------
@@ -270,7 +270,9 @@ class ZenohNetwork(Reception):
         again = asked != self._asked
         self._asked = asked
         if self._too_many:
-            text = "%s%s: publishers beyond %d are not noted; a robot, or somebody else, has many"
+            text = (
+                "%s%s: publishers beyond %d are not noted; a robot or another program has too many"
+            )
             self.log_seldom("", "tokens", text, MAX_TOKENS)
             if len(self._tokens) < MAX_TOKENS and now.mono >= self._again_at:
                 self._too_many, self._again_at, again = False, now.mono + ASK_AGAIN, True

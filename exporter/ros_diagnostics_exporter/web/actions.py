@@ -94,7 +94,7 @@ class Actions:
         async def act(form: _Form) -> str:
             robot, lasts = form.fields["robot"], form.fields["for"]
             if lasts not in DOWNTIMES:
-                raise _RejectedError(400, f"{lasts!r:.20} is none of {', '.join(DOWNTIMES)}.")
+                raise _RejectedError(400, f"{lasts!r:.20} is not one of {', '.join(DOWNTIMES)}.")
             begin = _begin(form.fields["from"], time.time())
             given = robot, form.fields["component"], begin, durations.parse(lasts)
             await self._asking.run(self._backend.plan_downtime, *given, form.person)
@@ -150,7 +150,9 @@ class Actions:
                 "The exporter was restarted after the page was loaded: load it again, then send.",
             )
         if fields.keys() != names:
-            raise _RejectedError(400, f"The form has to have {', '.join(sorted(names))}.")
+            raise _RejectedError(
+                400, f"The form lacks a field; it has to have {', '.join(sorted(names))}."
+            )
         return _Form(fields, Person(user, _comment(fields["comment"]), connection.address))
 
 
@@ -214,7 +216,7 @@ async def _fields(request: Request) -> dict[str, str]:
         raise _RejectedError(400, "This is no form.") from error
     fields = dict(pairs)
     if len(fields) != len(pairs):
-        raise _RejectedError(400, "A field of the form is there twice.")
+        raise _RejectedError(400, "The form has a field twice.")
     # In a page's forms they are quoted: as they are, a browser changes control characters of them.
     return {
         name: unquote(text) if name in {"robot", "component"} else text

@@ -109,10 +109,12 @@ class TlsConfig(Section):
     @model_validator(mode="after")
     def _check_combinations(self) -> TlsConfig:
         if self.client_ca and self.client_ca_file:
-            raise ValueError("client_ca and client_ca_file exclude each other")
+            raise ValueError("give client_ca or client_ca_file, not both")
         has_ca = bool(self.client_ca or self.client_ca_file)
         if has_ca != (self.client_auth_type != "NoClientCert"):
-            raise ValueError("client_ca_file and a client_auth_type that verifies need each other")
+            raise ValueError(
+                "give both client_ca_file and a client_auth_type that verifies, or neither"
+            )
         if self.client_allowed_sans and self.client_auth_type != "RequireAndVerifyClientCert":
             raise ValueError(
                 "client_allowed_sans needs client_auth_type: RequireAndVerifyClientCert"

@@ -121,7 +121,7 @@ def _check(wanted: WantedProblem) -> None:
     if named.count(None) == len(named):
         raise click.UsageError(f"give a ROBOT, {names} or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError(f"ROBOT, {names} and --alert exclude one another")
+        raise click.UsageError(f"give only one of ROBOT, {names} and --alert")
 
 
 def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
@@ -232,8 +232,9 @@ def _meant(known: Sequence[Acknowledgeable], wanted: WantedProblem) -> list[Ackn
 
 def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
-    more = f"there are alerts for {others}" if others else "no alert is firing"
-    return f"no alert is firing for {str(wanted)!r}; {more}"
+    early = "or for anything else; ros-diagnostics status shows problems that are not confirmed yet"
+    more = f"; there are alerts for {others}" if others else f", {early}"
+    return f"no alert is firing for {str(wanted)!r}{more}"
 
 
 def _list(client: Client, fleet: str | None, output: str) -> None:

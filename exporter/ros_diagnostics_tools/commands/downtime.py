@@ -87,7 +87,7 @@ Examples:
     type=NamedPair("label", "LABEL=VALUE, such as team=arms"),
     multiple=True,
     metavar="LABEL=VALUE",
-    help="All robots with this label; repeatable: with all of them.",
+    help="All robots with this label. If you repeat it, robots that have all of the labels.",
 )
 @click.option("--comment", help="What it is for.")
 @click.option(
@@ -191,7 +191,7 @@ def _plan(
         each = planned._replace(robot=robot, component=component)
         done.append(Planned(_make(servers.alertmanager, fleet, each), fleet, each))
     if not checked:
-        note = f"not checked: no exporter answers at {exporter.url}"
+        note = f"the names were not checked: no exporter answers at {exporter.url}"
         print(f"ros-diagnostics: {printable(note)}", file=sys.stderr)  # noqa: T201
     elif planned.holds(time.time() + 1) and not _is_followed(exporter, done):
         raise NotDoneError(

@@ -27,7 +27,7 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
 
     All exporters of the fleet that read the same Alertmanager remove it.
 
-    It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
+    It comes back when it is received again. A robot that fleet.yml names stays in the list.
     """
     known = servers.exporter.fleet((robot,))["robots"]
     if component:
@@ -38,13 +38,18 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
     if output == "json":
         print_json(found)
     else:
-        name = one_line(" ".join(query.values()))
-        said = f"{name} is forgotten, with {found['forgotten']} components"
-        print(said if known else _of_unknown(robot, servers))  # noqa: T201
+        print(_of_known(query, found["forgotten"]) if known else _of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:
             print(ALONE)  # noqa: T201
 
 
+def _of_known(query: dict[str, str], components: int) -> str:
+    counted = f", with {components} component{'' if components == 1 else 's'}"
+    counted = "" if "component" in query else counted
+    return one_line(f"{' '.join(query.values())} is forgotten{counted}")
+
+
 def _of_unknown(robot: str, servers: Servers) -> str:
     near = hint(robot, (each["robot"] for each in servers.exporter.fleet()["robots"]))
-    return one_line(f"no robot {robot!r} is known here{near}; alerts that are held for it end")
+    held = "if alerts still fire for a robot of this name, they end"
+    return one_line(f"no robot is called {robot!r}{near}; {held}")

@@ -52,7 +52,7 @@ Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
     type=Address(),
     default="127.0.0.1:2525",
     show_default=True,
-    help="Where Alertmanager delivers; whoever reaches it can send mail.",
+    help="The address that Alertmanager sends to. Anyone who can reach it can send mail.",
 )
 @click.option(
     "--smarthost",
@@ -78,14 +78,14 @@ Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
     type=Size(),
     default="100kB",
     show_default=True,
-    help="Attach the recordings of a mail as long as they have no more bytes together.",
+    help="Attach the recordings of a mail only if all of them together are at most this large.",
 )
 @with_servers
 def command(servers: Servers, **given: Any) -> None:
-    """Hand mails of Alertmanager on to the mail server, each with the recordings of its faults.
+    """Pass Alertmanager's mails on to the mail server, each with the recordings of its faults.
 
-    A recording has all that the robot published in a minute, and the mail takes it wherever it is
-    sent and forwarded to.
+    A recording has everything that the robot published in a minute. Everybody to whom the mail is
+    sent or forwarded can read it.
     """
     try:
         import_module("aiosmtpd.controller")  # an extra

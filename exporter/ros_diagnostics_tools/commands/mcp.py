@@ -18,8 +18,8 @@ _LOGINS = {"user", "password_file", "cert_file", "key_file"}
 @click.option(
     "--listen",
     type=Address(),
-    help="Answer over HTTP at /mcp of this address, in place of stdin and stdout; who asks logs in "
-    "with a user of the exporter.",
+    help="Answer over HTTP at /mcp of this address, in place of stdin and stdout. Each client logs "
+    "in as a user of the exporter.",
 )
 @with_servers
 def command(servers: Servers, listen: tuple[str, int] | None) -> None:
@@ -36,7 +36,7 @@ def command(servers: Servers, listen: tuple[str, int] | None) -> None:
     if given := sorted(_LOGINS & servers.options.keys()):
         # Else everybody who reaches the port would have the rights of that user.
         flag = f"--{given[0].replace('_', '-')}"
-        raise click.UsageError(f"{flag} is not used with --listen: who asks logs in; leave it out")
+        raise click.UsageError(f"leave out {flag}: with --listen each client logs in itself")
     host, port = listen
     sys.stderr.write(f"{about} on http://{host}:{port}/mcp\n")
     try:

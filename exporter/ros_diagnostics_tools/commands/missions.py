@@ -26,7 +26,10 @@ SINCE, WHEN = "7d", "in the last 7 days"  # of the events that are looked at
 @with_output()
 @with_servers
 def command(servers: Servers, output: str, robot: str | None) -> None:
-    """Show how the goals of ROBOT, or of all robots, ended, and what was wrong when not well."""
+    """Show how the goals of ROBOT, or of all robots, ended.
+
+    After a goal that was aborted, the other problems of that moment are counted.
+    """
     wanted = {} if robot is None else {"robot": robot}
     found = servers.exporter.get(f"/api/v1/missions?{urlencode(wanted)}".rstrip("?"))
     events = [
@@ -41,9 +44,11 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
 def _print(robots: list[dict[str, Any]], events: list[dict[str, Any]]) -> None:
     console = make_console()
     if not robots:
-        console.print(Text("No action of a robot was seen, and fleet.yml names no mode."))
+        console.print(Text("No action of a robot was seen, and fleet.yml has no `modes`."))
         return
-    table = make_table("Robot", "Action", "State", "Succeeded", "Aborted", "Unknown", "Running", "")
+    table = make_table(
+        "Robot", "Action", "State", "Succeeded", "Aborted", "Unknown", "Running", "Message"
+    )
     for each in robots:
         for action in each["actions"]:
             table.add_row(*_row(each["robot"], action))

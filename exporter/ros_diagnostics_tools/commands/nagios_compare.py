@@ -66,22 +66,23 @@ Example:
     "--since",
     type=Moment(),
     metavar="TIME",
-    help="Only from then on: 14d (ago), 2027-01-31.  [default: all that both recorded]",
+    help="Compare from this time on: 14d (ago), 2027-01-31.  [default: all that both recorded]",
 )
-@click.option("--until", type=Moment(), metavar="TIME", help="Only until then.")
+@click.option("--until", type=Moment(), metavar="TIME", help="Compare until this time.")
 @click.option(
     "--late",
     type=Duration(),
     default="2m",
     show_default=True,
-    help="How far apart the same notification may be.",
+    help="A notification that both sent is listed as late if its two times are further apart than "
+    "this.",
 )
 @click.option(
     "--within",
     type=Duration(),
     default="15m",
     show_default=True,
-    help="How far apart two notifications are no longer the same one.",
+    help="Two notifications that are further apart than this are not the same one.",
 )
 @click.option(
     "--events",

@@ -37,7 +37,7 @@ Examples:
     "--week",
     is_flag=True,
     expose_value=False,
-    help="The seven days until --until: the default, and the only period.",
+    help="Report the seven days before --until. This is the default, and the only period.",
 )
 @click.option(
     "--until",
@@ -51,9 +51,15 @@ Examples:
     type=click.FloatRange(0, 100),
     default=99.0,
     show_default=True,
-    help="The availability that is aimed at, in percent.",
+    help="The availability that you aim at, in percent.",
 )
-@click.option("--prometheus", metavar="URL", default=PROMETHEUS_URL, show_default=True)
+@click.option(
+    "--prometheus",
+    metavar="URL",
+    default=PROMETHEUS_URL,
+    show_default=True,
+    help="The Prometheus that has the rules of availability.",
+)
 @click.option(
     "--file", type=click.Path(path_type=Path), help="Write to this file.  [default: stdout]"
 )
@@ -78,7 +84,7 @@ def command(
 ) -> None:
     """Report a week of the fleet beside the week before: availability, missions, faults.
 
-    Availability and missions are what Prometheus recorded; all else is of the event log.
+    Availability and missions come from Prometheus, and the rest from the exporter's event log.
     """
     if mail_to and not mail_from:
         raise click.UsageError("--mail-to needs --mail-from")

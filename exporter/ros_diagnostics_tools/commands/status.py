@@ -82,7 +82,7 @@ class States(click.ParamType[frozenset[str]]):
 def command(*, servers: Servers, output: str, watch: float | None, **filters: Any) -> None:
     """Show the fleet: each robot's state and its problems, the worst first."""
     if output == "json" and watch is not None:
-        raise click.UsageError("--watch and --output json exclude one another")
+        raise click.UsageError("--watch cannot be combined with --output json")
     if watch is not None:
         _watch(servers, watch, filters)
         return

@@ -28,7 +28,7 @@ PART = "TEST, nothing is wrong"
     type=click.Choice(("critical", "warning")),
     default="critical",
     show_default=True,
-    help="The severity, by which routes may choose a receiver.",
+    help="The severity of the alert. Routes may choose a receiver by it.",
 )
 @click.option("--receiver", metavar="NAME", help="Fail if the routes do not lead to this receiver.")
 @click.option(
@@ -37,7 +37,7 @@ PART = "TEST, nothing is wrong"
     type=Duration(),
     default="2m",
     show_default=True,
-    help="How long it fires; then its end is sent.",
+    help="How long it fires. Then its recovery is sent.",
 )
 @with_output()
 @with_servers
@@ -52,8 +52,8 @@ def command(
 ) -> None:
     """Send a test alert for ROBOT through Alertmanager's real routes, to the real receivers.
 
-    It has the labels of a fault of the robot's and says in its subject that it is a test. Print
-    the receivers that it is routed to; whether the page arrived, they have to say.
+    The alert has the labels of a fault of the robot, and its subject says that it is a test. The
+    command prints the receivers. Ask them whether the notification arrived.
     """
     labels = _labels(servers.exporter, robot, severity)
     now = datetime.now(timezone.utc)
@@ -91,7 +91,8 @@ def _send(client: Client, labels: dict[str, str], start: datetime, end: datetime
         "labels": labels,
         "annotations": {
             "summary": "TEST: nothing is wrong.",
-            "description": "Somebody tries whether pages arrive (ros-diagnostics test-page).",
+            "description": "Somebody tests whether notifications arrive (ros-diagnostics "
+            "test-page).",
         },
         "startsAt": start.isoformat(),
         "endsAt": end.isoformat(),

@@ -26,8 +26,8 @@ from ros_diagnostics_tools.times import Moment
     "--at",
     type=Moment(),
     metavar="TIME",
-    help="The faults that lasted then or had just ended, or the last one: 10m (ago), 14:30, "
-    "2027-01-31T14:30.  [default: now]",
+    help="Explain the faults of this time: 10m (ago), 14:30, 2027-01-31T14:30. If there were none, "
+    "explain the last fault before.  [default: now]",
 )
 @with_output()
 @with_servers
@@ -66,5 +66,5 @@ def _print(answer: dict[str, Any]) -> None:
         table.add_row(*cells((moment, each["text"])))
     console.print(table if answer["entries"] else Text("No fault and no event at that time."))
     console.print(Text(f"\nNow, {clock(answer['time'], answer['time'], local=True)}:"))
-    for sentence in answer["now"] or ["no problem"]:
+    for sentence in answer["now"]:
         console.print(Text(f"  {one_line(sentence)}"))

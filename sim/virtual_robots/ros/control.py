@@ -67,7 +67,10 @@ def set_parameter(domain_id: int, name: str, value: str, timeout: float = 10.0) 
         node = quiet_node("virtual_robots_fault", context)
         client = node.create_client(SetParameters, f"/{CONTROL_NODE}/set_parameters")
         if not client.wait_for_service(timeout_sec=timeout):
-            raise RosError(f"no virtual robots answer in domain {domain_id}; are they running?")
+            raise RosError(
+                f"no virtual robots answer in domain {domain_id}: start them, or give their domain "
+                "with --domain-id"
+            )
         request = SetParameters.Request()
         request.parameters = [Parameter(name, Parameter.Type.STRING, value).to_parameter_msg()]
         result = _answer(client, node, request, timeout)

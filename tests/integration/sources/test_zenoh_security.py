@@ -191,7 +191,7 @@ def test_who_cannot_show_whose_they_are_is_not_connected(make_site, run_exporter
     assert not robot.listeners(OWN)
     assert running.sample("exporter_domain_up", domain_id="zenoh") == 0
     assert (
-        "RUST_LOG=warn logs why, but for a wrong user or password"
+        "with RUST_LOG=warn the log says why, except for a wrong user or password"
         in running.service.not_ready_reason()
     )
     robot.close()

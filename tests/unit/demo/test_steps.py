@@ -87,7 +87,8 @@ def test_what_will_happen_is_announced_with_its_mails():
     scan = "turtlebot4_diagnostics: /scan topic status of turtlebot_1"
     mailed = "/scan topic status (turtlebot4_diagnostics) of turtlebot_1"
     assert announcement((MOTOR, LASER)) == (
-        f"Motor 2 of robot_3 and {scan} will fail and be repaired: a PROBLEM and a RECOVERY for"
+        f"soon these break, and are repaired later: Motor 2 of robot_3 and {scan}; each of these"
+        " gets a PROBLEM mail and later a RECOVERY mail:"
         f" Motor 2 of robot_3, {mailed}, navigate_to_pose of turtlebot_1"
     )
 

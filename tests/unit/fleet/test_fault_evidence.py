@@ -145,6 +145,15 @@ def test_the_value_that_ended_a_fault_is_that_of_its_end():
     assert [end.message for end in driver.state.served()[1]] == ["80 %"]
 
 
+@pytest.mark.parametrize(
+    ("message", "said"), [("OK", "OK"), ("running", "OK: running"), ("", "OK")]
+)
+def test_the_message_that_ended_a_fault_says_nothing_twice(message, said):
+    driver = after(12, MOTOR._replace(level=ERROR))
+    driver.raw(MOTOR._replace(level=OK, message=message))
+    assert [end.message for end in driver.state.served()[1]] == [said]
+
+
 def test_of_a_check_how_many_were_found():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
     driver = after(12, MOTOR, checks=(motors,))

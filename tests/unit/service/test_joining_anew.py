@@ -104,7 +104,7 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
     first, again = playing.seconds
     assert again - first == CONFIRM
     events = [each.message for each in playing.driver.events if each.kind == "config"]
-    why = f"another process finds {A}, and this one does not"
+    why = f"a second process on this machine finds {A}, and the exporter does not"
     assert events == [f"domain 7: {why}", f"domain 7: it is joined anew: {why}"]
     playing.joined_at[7] = playing.driver.now.mono
     playing.until(REST + 60, "a", "b")
@@ -130,7 +130,7 @@ def test_a_domain_in_which_another_process_finds_a_node_that_is_gone_is_joined_a
         playing.until(second + 5, "a")
     assert playing.seconds
     assert (7 in playing.left) == is_found
-    said = "another process finds node /a/camera, and this one does not"
+    said = "a second process on this machine finds node /a/camera, and the exporter does not"
     assert any(said in each.message for each in playing.driver.events) == is_found
 
 

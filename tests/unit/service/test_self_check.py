@@ -141,7 +141,7 @@ def test_an_exporter_without_robots_names_the_topics_that_no_entry_takes(monkeyp
     parts = Parts(monkeypatch, robots=0)
     parts.state.update_graph(7, {"/diagnostics": Endpoint(1)}, at(1))
     message = parts.report("robots", 1000).message
-    assert "no entry takes /diagnostics in domain 7" in message
+    assert "no entry of fleet.yml matches /diagnostics in domain 7" in message
     assert "- {name: robot_7, domain_id: 7}" in message
 
 

@@ -324,8 +324,8 @@ def test_what_is_not_firing_cannot_be_acknowledged(server, capsys, arguments):
     ("arguments", "error"),
     [
         ([], "give a ROBOT, --site, --common, --capability, --part or --alert"),
-        (["r1", "--site", "hall"], "exclude one another"),
-        (["--common", "Motor 1", "--alert", "ExporterDown"], "exclude one another"),
+        (["r1", "--site", "hall"], "give only one of ROBOT"),
+        (["--common", "Motor 1", "--alert", "ExporterDown"], "give only one of ROBOT"),
     ],
 )
 def test_one_thing_is_acknowledged_at_a_time(arguments, error, capsys):

@@ -105,7 +105,7 @@ def test_a_server_that_does_not_answer_is_3_for_all(arguments, capsys):
     assert main([*arguments, "--url", closed, "--alertmanager", closed]) == 3
     said = capsys.readouterr().err
     assert said.startswith(f"ros-diagnostics: cannot reach {closed}/")
-    assert ": Connection refused. Does it run? Other addresses: --url, --alertmanager" in said
+    assert ": Connection refused. Does it run? For another address: --url (exporter)" in said
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
     assert main(["forget", "robot_1", "--url", url, "--output", "json"]) == 0
     assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
     assert capsys.readouterr().out == (
-        "robot_1 Motor 1 is forgotten, with 2 components\n"
+        "robot_1 Motor 1 is forgotten\n"
         "Only this exporter has forgotten it, as it reaches no Alertmanager: repeat it at each"
         " other exporter of the fleet, with --url.\n"
         '{\n  "forgotten": 2,\n  "passed_on": true\n}\n'
@@ -181,8 +181,8 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
 def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, capsys):
     server = serve(forget=lambda *_: (0, True), fleet_snapshot=lambda: FLEET, lifecycle=True)
     assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 0
-    said = "no robot 'robot1' is known here; the nearest is 'robot_1'; alerts that are held for it"
-    assert capsys.readouterr().out == f"{said} end\n"
+    said = "no robot is called 'robot1'; the nearest is 'robot_1'; if alerts still fire for a robot"
+    assert capsys.readouterr().out == f"{said} of this name, they end\n"
 
 
 def test_why_names_the_nearest_robot(serve, capsys):

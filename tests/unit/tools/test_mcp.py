@@ -208,7 +208,9 @@ def test_an_address_that_is_in_use_is_named(capsys):
 @pytest.mark.parametrize("flags", [("--user", "ann"), ("--cert-file", "/etc/hostname")])
 def test_over_http_nobody_has_the_rights_of_who_started_it(flags, capsys):
     assert main(["mcp", "--listen", "127.0.0.1:9878", *flags]) == 2
-    assert f"{flags[0]} is not used with --listen" in capsys.readouterr().err
+    assert (
+        f"leave out {flags[0]}: with --listen each client logs in itself" in capsys.readouterr().err
+    )
 
 
 def test_without_its_library_it_names_the_command(monkeypatch, capsys):

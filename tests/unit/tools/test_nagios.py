@@ -275,7 +275,8 @@ def test_another_server_or_an_http_error_is_unknown(serve, capsys):
 def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, capsys):
     server = serve(fleet_snapshot=lambda: fleet({"robot": "robot_1"}))
     assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
-    assert capsys.readouterr().out == "UNKNOWN - KeyError: 'problems'\n"
+    said = "UNKNOWN - the exporter's answer is not as expected; is it of the same version?"
+    assert capsys.readouterr().out == f"{said} (KeyError('problems'))\n"
 
 
 def test_a_response_that_drips_in_byte_by_byte_times_out(capsys):
