@@ -164,7 +164,7 @@ def acknowledge(
         and abs(since - fault.since) <= SAME
     ]
     if not known:
-        raise LookupError("no alert of it fires: there is nothing to acknowledge yet")
+        raise LookupError("no alert about it is firing, so there is nothing to acknowledge yet")
     before = acknowledged(known[0], alertmanager.silences(fleet))
     if before is not None:
         raise LookupError(f"it is already acknowledged by {before.author}")

@@ -90,7 +90,7 @@ def test_it_is_the_silence_that_the_command_makes_but_for_steps_that_were_sent()
 )
 def test_what_does_not_fire_is_not_acknowledged(others):
     by = FakeAlertmanager(*others)
-    with pytest.raises(LookupError, match="no alert of it fires"):
+    with pytest.raises(LookupError, match="no alert about it is firing"):
         acknowledge(by, "f", FAULT, ANN, NOW)
     assert by.added == []
 
