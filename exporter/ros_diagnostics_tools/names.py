@@ -33,8 +33,9 @@ def _folded(name: str) -> str:
 
 
 def no_robot(name: str, names: Iterable[str]) -> NotDoneError:
-    """There is no such robot; one with a similar name is named."""
-    return NotDoneError(f"no robot {name!r}{hint(name, names)}")
+    """There is no such robot; a similar name, or where to find the names, is in the text."""
+    way_out = hint(name, names) or "; ros-diagnostics status lists the robots"
+    return NotDoneError(f"no robot {name!r}{way_out}")
 
 
 def hint(name: str, names: Iterable[str]) -> str:

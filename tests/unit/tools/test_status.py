@@ -188,6 +188,8 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     assert "no event of robot 'turtlebot_1' since " in capsys.readouterr().out
     assert main(["history", "turtlebot1", "--since", "10m", "--url", url]) == 1
     assert "no robot 'turtlebot1'; the nearest is 'turtlebot_1'" in capsys.readouterr().err
+    assert main(["history", "xyz", "--since", "10m", "--url", url]) == 1
+    assert "no robot 'xyz'; ros-diagnostics status lists the robots" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
