@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 import click
 
 from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.errors import NO
 from ros_diagnostics_tools.names import hint, meant
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
@@ -22,12 +23,13 @@ ALONE = (
 @click.argument("component", required=False)
 @with_output()
 @with_servers
-def command(servers: Servers, output: str, robot: str, component: str | None) -> None:
+def command(servers: Servers, output: str, robot: str, component: str | None) -> int:
     """Remove ROBOT, or its COMPONENT, that is gone for good: its faults end.
 
     All exporters of the fleet that read the same Alertmanager remove it.
 
-    It comes back when it is received again. A robot that fleet.yml names stays in the list.
+    It comes back when it is received again. A robot that fleet.yml names stays in the list. Exit
+    code 1 where no robot of this name is known.
     """
     known = servers.exporter.fleet((robot,))["robots"]
     if component:
@@ -41,6 +43,7 @@ def command(servers: Servers, output: str, robot: str, component: str | None) ->
         print(_of_known(query, found["forgotten"]) if known else _of_unknown(robot, servers))  # noqa: T201
         if not found["passed_on"]:
             print(ALONE)  # noqa: T201
+    return 0 if known else NO
 
 
 def _of_known(query: dict[str, str], components: int) -> str:

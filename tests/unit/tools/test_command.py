@@ -180,7 +180,7 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
 
 def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, capsys):
     server = serve(forget=lambda *_: (0, True), fleet_snapshot=lambda: FLEET, lifecycle=True)
-    assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 0
+    assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 1
     said = "no robot is called 'robot1'; the nearest is 'robot_1'; if alerts still fire for a robot"
     assert capsys.readouterr().out == f"{said} of this name, they end\n"
 
