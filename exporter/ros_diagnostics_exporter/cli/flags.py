@@ -177,6 +177,13 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         "a fault or plan a downtime, at --alertmanager.url",
         action="store_true",
     )
+    add(
+        "--grafana.url",
+        "address of the Grafana with the dashboards, as people open it: the pages of the fleet, of "
+        "robots and of faults link them (default: no link)",
+        type=_page,
+        metavar="URL",
+    )
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
@@ -261,6 +268,16 @@ def _server(text: str, example: str, flags: str) -> str:
             f"every user of the machine can see flags: give the user as {flags}.user and the "
             f"password in {flags}.password-file"
         )
+    return _url(text, example)
+
+
+def _page(text: str) -> str:
+    if "@" in text:
+        raise argparse.ArgumentTypeError("give it without a user: whoever opens a page sees it")
+    return _url(text, "http://localhost:3000")
+
+
+def _url(text: str, example: str) -> str:
     found = urlsplit(text)
     if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
         raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as {example}")

@@ -199,6 +199,7 @@ def _serve(
         web_config=options.web_config_file,
         lifecycle=options.web_enable_lifecycle,
         actions=options.web_enable_actions,
+        grafana=options.grafana_url or "",
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.web.api import (
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
+from ros_diagnostics_exporter.web.grafana import Grafana
 from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
 from ros_diagnostics_exporter.web.mission_section import (
     MOST_MOMENTS,
@@ -100,6 +101,7 @@ class Pages:
     workers: Workers
     telemetry_path: str
     actions: Actions
+    grafana: Grafana
 
     def _acting(self, request: Request) -> Acting | None:
         token = self.actions.token(request)
@@ -117,7 +119,7 @@ class Pages:
 
     def _landing(self, snapshot: Snapshot, query: str) -> str:
         of = snapshot.fleet, self.telemetry_path, query
-        return landing(*of, acts=self.actions.enabled)
+        return landing(*of, acts=self.actions.enabled, grafana=self.grafana)
 
     async def problem(self, request: Request) -> Response:
         """Lead to a problem by what a dashboard knows: ``fault`` its id, ``robot``, both or none.
@@ -149,10 +151,20 @@ class Pages:
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         name = request.path_params["robot"]
         acting = self._acting(request)
-        page = await self.workers.run(_robot_page, self.backend, snapshot, name, acting)
+        page = await self.workers.run(self._robot_page, snapshot, name, acting)
         if page is None:
             return HTMLResponse(missing_robot(snapshot.fleet, name), status_code=404)
         return HTMLResponse(page)
+
+    def _robot_page(self, snapshot: Snapshot, name: str, acting: Acting | None) -> str | None:
+        events = self.backend.find_events(Wanted(robot=name, limit=EVENTS))
+        try:
+            history = self.backend.why(name, None, None, ask=False)["entries"]
+            section = _missions(self.backend, name, snapshot.fleet["time"])
+        except LookupError:
+            history, section = [], None  # there is no such robot, or it was removed just now
+        of = snapshot.fleet, name, events, history
+        return robot_page(*of, missions=section, acting=acting, grafana=self.grafana)
 
     async def fault(self, request: Request) -> Response:
         """One fault that lasts or has ended; 404 for an id of which nothing is known."""
@@ -160,7 +172,8 @@ class Pages:
         fault = request.path_params["fault"]
         history = await self.workers.run(self.backend.fault_history, fault)
         acting = self._acting(request)
-        page = await self.workers.run(fault_page, snapshot.fleet, fault, history, acting)
+        of = snapshot.fleet, fault, history, acting, self.grafana
+        page = await self.workers.run(fault_page, *of)
         if page is None:
             return HTMLResponse(missing_fault(snapshot.fleet, fault, history), status_code=404)
         return HTMLResponse(page)
@@ -192,18 +205,6 @@ def _reached_by(snapshot: Snapshot, name: str) -> dict[str, str]:
             known = {"domain": robot["domain_id"], "topic": robot["topic"]}
             return {place: str(value) for place, value in known.items() if value is not None}
     return {}
-
-
-def _robot_page(
-    backend: Backend, snapshot: Snapshot, name: str, acting: Acting | None
-) -> str | None:
-    events = backend.find_events(Wanted(robot=name, limit=EVENTS))
-    try:
-        history = backend.why(name, None, None, ask=False)["entries"]
-        section = _missions(backend, name, snapshot.fleet["time"])
-    except LookupError:
-        history, section = [], None  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, history, missions=section, acting=acting)
 
 
 def _missions(backend: Backend, name: str, now: float) -> MissionSection | None:
@@ -249,6 +250,7 @@ def build(
     telemetry_path: str,
     lifecycle: bool,
     actions: bool,
+    grafana: Grafana,
 ) -> Starlette:
     """The application.
 
@@ -261,9 +263,10 @@ def build(
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
+        grafana: What the pages link.
     """
     acting = Actions(backend, threads.asking, enabled=actions)
-    pages = Pages(backend, threads.others, telemetry_path, acting)
+    pages = Pages(backend, threads.others, telemetry_path, acting, grafana)
     api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]

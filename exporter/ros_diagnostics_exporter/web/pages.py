@@ -39,6 +39,7 @@ from ros_diagnostics_exporter.severity import (
     unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.grafana import Grafana
 from ros_diagnostics_exporter.web.mission_section import MissionSection
 from ros_diagnostics_exporter.web.runbooks import alert_of, filled_in, link_to
 from ros_diagnostics_exporter.web.search import MAX_FOUND, find, find_components
@@ -52,8 +53,16 @@ DOWNTIMES = ("15m", "30m", "1h", "2h", "4h", "8h", "1d", "3d")  # that a form of
 MAX_ENDED = 20  # times that a fault lasted, on its page; the API has them all
 
 
+NO_GRAFANA = Grafana()
+
+
 def landing(
-    fleet: dict[str, Any], telemetry_path: str, query: str = "", *, acts: bool = False
+    fleet: dict[str, Any],
+    telemetry_path: str,
+    query: str = "",
+    *,
+    acts: bool = False,
+    grafana: Grafana = NO_GRAFANA,
 ) -> str:
     """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped.
 
@@ -74,6 +83,7 @@ def landing(
         "fleet.html",
         title=f"{fleet['fleet']}: ROS diagnostics",
         now=now,
+        dashboard=grafana.of(fleet["fleet"]),
         query=query,
         acts=acts,
         version=__version__,
@@ -102,6 +112,7 @@ def robot_page(
     *,
     missions: MissionSection | None = None,
     acting: Acting | None = None,
+    grafana: Grafana = NO_GRAFANA,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
@@ -121,6 +132,7 @@ def robot_page(
         "robot.html",
         title=f"{name}: ROS diagnostics",
         now=now,
+        dashboard=grafana.of(fleet["fleet"], name),
         fleet=fleet["fleet"],
         name=name,
         state=state_of(robot),
@@ -172,7 +184,11 @@ def missing_robot(fleet: dict[str, Any], name: str) -> str:
 
 
 def fault_page(
-    fleet: dict[str, Any], fault: str, history: dict[str, Any], acting: Acting | None = None
+    fleet: dict[str, Any],
+    fault: str,
+    history: dict[str, Any],
+    acting: Acting | None = None,
+    grafana: Grafana = NO_GRAFANA,
 ) -> str | None:
     """The page of the fault with that id, None if nothing is known of it; all texts are escaped.
 
@@ -191,6 +207,7 @@ def fault_page(
             "fault.html",
             title=f"{robot or fleet['fleet']}: {found.subject}",
             now=now,
+            dashboard=grafana.of(fleet["fleet"], robot, its[0]),
             fleet=fleet["fleet"],
             robot=robot,
             fault=found,
@@ -210,6 +227,7 @@ def fault_page(
         "ended_fault.html",
         title=f"{robot or fleet['fleet']}: {subject_of}",
         now=now,
+        dashboard=grafana.of(fleet["fleet"], robot, ended[0].fault),
         fleet=fleet["fleet"],
         robot=robot,
         ended=ended[:MAX_ENDED],

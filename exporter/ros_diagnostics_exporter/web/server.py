@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.web.connections import (
     Phase,
     connection_limit,
 )
+from ros_diagnostics_exporter.web.grafana import Grafana
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 BACKLOG = 1024
@@ -137,6 +138,7 @@ class Server:
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
+        grafana: The address of the Grafana that the pages link; none if "".
         domains: The number of DDS domains, which need open files too.
 
     Raises:
@@ -157,6 +159,7 @@ class Server:
         web_config: Path | None = None,
         lifecycle: bool = False,
         actions: bool = False,
+        grafana: str = "",
         domains: int = 1,
     ) -> None:
         self.addresses: tuple[str, ...] = ()
@@ -180,6 +183,7 @@ class Server:
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
             actions=actions,
+            grafana=Grafana(grafana),
         )
         self._uvicorn = _Uvicorn(_configure(app, live_config), self.connections)
         self._thread: threading.Thread | None = None

@@ -67,6 +67,8 @@ def test_retention_is_a_duration_and_a_size():
         ("storage.retention.size", ["1TB"], "'1TB' is not a size such as 256MB"),
         ("storage.retention.size", ["256MB2"], "'256MB2' is not a size such as 256MB"),
         ("prometheus.url", ["http://ann:secret@p:9090"], "--prometheus.password-file"),
+        ("grafana.url", ["localhost:3000", "javascript:alert(1)", "http://g/?a"], "is not a URL"),
+        ("grafana.url", ["http://ann:secret@g:3000"], "without a user"),
         ("prometheus.user", ["ann"], "--prometheus.user needs --prometheus.password-file"),
         ("live", ["http://localhost:9877"], "--live needs --config.check"),
         ("storage.pat", ["x.db"], "unrecognized arguments: --storage.pat"),

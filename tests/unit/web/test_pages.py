@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
 from ros_diagnostics_exporter.web.runbooks import alert_of
 from ros_diagnostics_exporter.web.search import MAX_FOUND
-from support.committed_dashboards import ROOT
+from support.committed_dashboards import BOARDS, ROOT
 from support.web_server import (
     ask,
     broken,
@@ -288,6 +288,9 @@ ENDED = occurrence(
 
 def history(*ended: dict) -> dict:
     return no_history(FAULT) | {"events_since": 10.0, "occurrences": list(ended)}
+
+
+OF_A = "ros-diagnostics-robot?var-fleet=hall&var-robot=a"  # its dashboard
 
 
 def test_the_page_of_a_fault_that_has_ended_has_all_that_is_known_of_it(serve):
@@ -744,3 +747,33 @@ def test_a_robots_page_has_the_links_of_fleet_yml():
     assert '<a href="https://w/?a=1&amp;b=2" rel=noreferrer>manual</a>' in page
     assert '<a href="http://h/&#34;" rel=noreferrer>&lt;x&gt;</a>' in page
     assert 'aria-label="Links"' not in (robot_page(fleet(robot("r")), "r", []) or "")
+
+
+@pytest.mark.parametrize(
+    ("path", "dashboard"),
+    [
+        ("/", "ros-diagnostics-fleet?var-fleet=hall"),
+        ("/?q=a", "ros-diagnostics-fleet?var-fleet=hall"),
+        ("/robots/a", "ros-diagnostics-robot?var-fleet=hall&var-robot=a"),
+        ("/faults/lasts", f"{OF_A}&from=100000&to=now"),
+        ("/faults/ended", f"{OF_A}&from=100000&to=1930000"),
+        ("/faults/site", "ros-diagnostics-fleet?var-fleet=hall&from=100000&to=now"),
+    ],
+)
+def test_a_page_links_the_dashboard_of_what_it_shows_at_that_time(serve, path, dashboard):
+    known = {
+        "fleet_snapshot": lambda: fleet(
+            robot("a", problems=[broken(fault="lasts")]),
+            problems=[problem("site", "silent", fault="site")],
+        ),
+        "fault_history": lambda fault: history(*[ENDED] * (fault == "ended")),
+    }
+
+    def linked(**given: str) -> list[str]:
+        page = read(ask(serve(**given, **known), path).text)
+        links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
+        return [each for each in links if each.startswith("https://g")]
+
+    assert linked(grafana="https://g/sub/") == [f"https://g/sub/d/{dashboard}"]
+    assert linked() == []
+    assert dashboard.partition("?")[0] in BOARDS
