@@ -79,8 +79,9 @@ def robots_by_state() -> stat.Panel:
         "How many robots are in each state? CRITICAL: an error, or fewer components than "
         "expected. SILENT: nothing is received. UNKNOWN: its exporter does not answer. "
         "UNREACHABLE: its uplink fails. STALE: a component stopped reporting. WARNING: it works, "
-        "but needs attention. PENDING: declared in fleet.yml, never received. A question mark: not "
-        "known while an exporter does not answer. A click filters by the state.",
+        "but needs attention. PENDING: declared in fleet.yml, never received. UNKNOWN, "
+        "UNREACHABLE and PENDING are shown while a robot is. A question mark: not known while an "
+        "exporter does not answer. A click filters by the state.",
         counts[palette.CRITICAL],
     ).mappings(palette.UNKNOWN_NUMBER)
     panel = panels.on_colour(number).targets(
@@ -96,11 +97,17 @@ def robots_by_state() -> stat.Panel:
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(24).height(3)
 
 
+_SELDOM = (palette.UNKNOWN, palette.UNREACHABLE, palette.PENDING)  # no tile where there is none
+
+
 def _count(state: palette.State) -> str:
     """Return the number of robots in a state; 0 only where all exporters answer, else NaN."""
     all_robots = f"sum({_COUNT}{{{_MATCHERS}}})"
+    number = f'sum({_COUNT}{{{_MATCHERS}, state="{state.word.lower()}"}})'
+    if state in _SELDOM:
+        return f"{number} > 0 or {all_robots} * 0 / 0 unless on () ({_PROOF})"
     return f"""
-      sum({_COUNT}{{{_MATCHERS}, state="{state.word.lower()}"}})
+      {number}
     or
       ({all_robots} * 0 and on () ({_PROOF}))
     or
@@ -268,14 +275,12 @@ def wall() -> stat.Panel:
     """Show a tile for each robot in the colour of its state; a click opens the robot."""
     found = f"""
       ({_RANK} ${{state:raw}})
-    * on (fleet, robot) group_left (site, robot_group, at)
+    * on (fleet, robot) group_left (site, at)
       ({_at_site(_SELECTED)} unless on (fleet, robot) {UPLINK})
     and on (at)
       {label("vector(0)", "at", "${wall:raw}")}
     """
-    tiles = in_order(_named_to_fit(panels.tidy(found)))
-    sorted_by = f'label_join({tiles}, "place", " ", "robot_group", "order")'
-    query = panels.at_end(sorted_by)
+    query = panels.at_end(in_order(_named_to_fit(panels.tidy(found))))
     # Each row becomes a field: its other columns are labels, for the link.
     fields = [
         {"fieldName": "Time", "handlerKey": "__ignore"},
@@ -285,7 +290,7 @@ def wall() -> stat.Panel:
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     panel = panels.number(
         "All robots of $wall",
-        "In which state is each robot? A tile for each, by group and name; a panel for each site. "
+        "In which state is each robot? A tile for each, by name; a panel for each site. "
         "A click opens the robot. A long name is shortened. With more than "
         f"{_LONG} robots a tile has the first character of the name and its number, with more than "
         f"{_SHORT} no name.",
@@ -296,7 +301,7 @@ def wall() -> stat.Panel:
         .targets([query.format(PromQueryFormat.TABLE)])
         .transformations(
             [
-                tables.step("sortBy", fields={}, sort=[{"field": "place"}]),
+                tables.step("sortBy", fields={}, sort=[{"field": "order"}]),
                 tables.step("rowsToFields", mappings=fields),
             ]
         )
@@ -325,7 +330,7 @@ def _named_to_fit(robots: str) -> str:
     """Add a label ``name``: the robot's, shorter the more tiles there are."""
     full = label(robots, "name", "$1", "robot", "(.*)")
     # One that is long would make the text of all tiles small.
-    full = label(full, "name", "$1\u2026$2", "robot", "(.{4}).{6,}?(.{0,3})")
+    full = label(full, "name", "$1\u2026$2", "robot", "(.{6}).{4,}(.{3})")
     start = label(robots, "name", "$1", "robot", "(.{1,4}).*")
     short = label(start, "name", "$1$2", "robot", "(.).*?([0-9]{1,4})")
     return f"""

@@ -54,9 +54,15 @@ def _hours(by: str) -> str:
     return f"({_sum(by, _AUTONOMOUS)} / 3600)"
 
 
-def _number(title: str, description: str, expr: str, unit: str, decimals: int) -> stat.Panel:
-    """Show a number of each fleet."""
-    panel = panels.number(title, description, "vector(0)", unit)
+_NO_GOALS = "No data of goals"
+_NO_MODES = "No data of modes (fleet.yml)"
+
+
+def _number(
+    title: str, description: str, expr: str, unit: str, decimals: int, *, without: str
+) -> stat.Panel:
+    """Show a number of each fleet; ``without`` is also shown while Prometheus is dead."""
+    panel = panels.number(title, description, "vector(0)", unit).no_value(without)
     panel = panel.targets([panels.at_end(expr, "{{fleet}}")]).decimals(decimals)
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(6)
 
@@ -69,6 +75,7 @@ def success() -> stat.Panel:
         _success("fleet"),
         "percentunit",
         1,
+        without=_NO_GOALS,
     )
 
 
@@ -99,6 +106,7 @@ def unknown() -> stat.Panel:
         f"({_sum('fleet', _GOALS, 'succeeded|aborted|cancelled|unknown')} > 0)",
         "percentunit",
         1,
+        without=_NO_GOALS,
     )
 
 
@@ -110,6 +118,7 @@ def per_hour() -> stat.Panel:
         f"{_sum('fleet', _INTERVENTIONS)} / ({_hours('fleet')} > 0)",
         "none",
         2,
+        without=_NO_MODES,
     )
 
 
@@ -121,6 +130,7 @@ def between() -> stat.Panel:
         f"{_hours('fleet')} / ({_sum('fleet', _INTERVENTIONS)} > 0)",
         "none",
         1,
+        without="No data of interventions",
     )
 
 
@@ -154,7 +164,7 @@ def robots() -> table.Panel:
         by=by,
         sort=("Success", "Robot"),
         ascending=("Success", "Robot"),
-    ).span(14)
+    ).height(8)
 
 
 def over_time() -> timeseries.Panel:
@@ -166,7 +176,7 @@ def over_time() -> timeseries.Panel:
     )
     for result, colour in _RESULTS.items():
         panel = panel.override_by_name(result, [panels.fixed_colour(colour)])
-    return panels.stacked(panel).span(10).height(10)
+    return panels.stacked(panel).height(10)
 
 
 def actions() -> table.Panel:
@@ -192,4 +202,4 @@ def actions() -> table.Panel:
         by=by,
         sort=("Success", "Action"),
         ascending=("Success", "Action"),
-    ).height(8)
+    ).span(12)

@@ -43,7 +43,7 @@ def build() -> builders.Dashboard:
                 availability(_FLEET),
             ],
         )
-        .time("now-6d/d", "now/d")  # whole days of the browser's time zone
+        .time("now-6d/d", "now/d")  # whole days of Grafana's time zone
         .refresh("5m")
     )
 
@@ -204,9 +204,9 @@ def by_day() -> table.Panel:
     expr = "\nor\n".join([label(f"({week})", "day", "Week"), known, *days])
     return tables.pivot(
         "Availability by day",
-        "On which days was which robot available? The worst first. Days are those of the "
-        "browser's time zone, the last one is today. Known for says how much of the week the robot "
-        "has been known.",
+        "On which days was which robot available? The worst first. Days are those of "
+        "Grafana's time zone, by default the browser's; the last one is today. Known for says how "
+        "much of the week the robot has been known.",
         expr,
         [
             tables.ROBOT_IN_ORDER,

@@ -169,8 +169,8 @@ def data_as_of() -> stat.Panel:
         panels.number(
             "Data as of",
             "How old is this page? When the exporters were last scraped; of several, the one for "
-            "which that is longest ago. Times on dashboards are in the browser's time zone; "
-            "notifications have UTC.",
+            "which that is longest ago. Times on dashboards are in Grafana's time zone, by "
+            "default the browser's; notifications have UTC.",
             f"min(\n  max by (instance) ({scraped})\nor\n  ({before})\n) * 1000",
             "dateTimeAsIsoNoDateIfToday",
         )

@@ -28,7 +28,7 @@ def new_dashboard(
         .revision(REVISION)
         .description(question)
         .tags([links.TAG])
-        .timezone("browser")
+        .timezone("")  # that of the person, the organization or the server
         .time("now-1h", "now")
         .refresh("10s")
         .tooltip(dashboard.DashboardCursorSync.CROSSHAIR)

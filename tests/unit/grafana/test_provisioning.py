@@ -54,3 +54,9 @@ def test_anonymous_access_is_disabled_by_default():
 
     assert anonymous.getboolean("enabled") is False
     assert anonymous["org_role"] == "Viewer"
+
+
+def test_the_days_of_dashboards_are_those_of_the_time_zone_that_grafana_has():
+    """One of its own would keep a dashboard from that of the site."""
+    assert {board["timezone"] for board in BOARDS.values()} == {""}
+    assert settings()["date_formats"]["default_timezone"] == "browser"
