@@ -320,7 +320,7 @@ _COLUMNS = (
     Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
     Column("component", "Component", link=links.TO_COMPONENT, width=145, filtered=True),
     Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Handled by", width=190, links=links.OF_PROBLEM),
+    Column("care", "Handled by", width=240, links=links.OF_PROBLEM),
     Column("E", "At", unit=tables.TIME, width=150),
     tables.FLEET._replace(hidden=True),
     Column("robot", "Name", hidden=True),
