@@ -319,6 +319,14 @@ DOWNTIME_END = _family(
     (*EXPORTER, "downtime", "author", "site", "team", "robots"),
     part=Part.FAULTS,
 )
+ROBOT_DOWNTIME_END = _family(
+    "robot_downtime_end_timestamp_seconds",
+    "gauge",
+    "When the downtime that a robot is in ends (Unix time), +Inf if it has no end; of several the "
+    "last one.",
+    (*ROBOT, "downtime", "author"),
+    part=Part.FAULTS,
+)
 FLEET_FAMILIES = (
     ROBOT_INFO,
     ROBOT_UP,
@@ -422,6 +430,7 @@ FAULT_FAMILIES = (
     FLEET_CAPABILITY_STATE,
     FLEET_CAPABILITY_ROBOTS,
     DOWNTIME_END,
+    ROBOT_DOWNTIME_END,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,
 )

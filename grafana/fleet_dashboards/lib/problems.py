@@ -222,6 +222,8 @@ def _since(matchers: str, states: str) -> str:
 
 ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
 _NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds"
+# Of each robot in a downtime one, also of a pair of exporters.
+_UNTIL = "topk by (fleet, robot) (1, ros_diagnostics_robot_downtime_end_timestamp_seconds)"
 
 
 def _care(matchers: str, states: str) -> str:
@@ -236,6 +238,9 @@ def _care(matchers: str, states: str) -> str:
     soft_robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
     soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
     planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
+    until = f"on (fleet, robot) group_left (downtime, author) ({_UNTIL} < +Inf)"
+    until = label(f"({faults} or {soft}) * {until}", "care", "maintenance until")
+    until = label(until, "care", "maintenance by $1 until", "author", "(.+)")
     parts = f"ros_diagnostics_component_maintenance{{{states}}} == 1"
     behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{_REASONS}}} == 1)"
     suppressed = f"{_SUPPRESSED}{{{states}"
@@ -246,6 +251,7 @@ def _care(matchers: str, states: str) -> str:
       "care", ": ", "by", "comment"
     )
 """,
+        f'label_join({until}, "care", ": ", "care", "downtime")',
         label(f"(({faults} or {soft}) and {planned})", "care", "maintenance"),
         label(f"(({faults} or {soft}) and on ({_COMPONENT}) {parts})", "care", "maintenance"),
         label(
@@ -273,10 +279,18 @@ def _care(matchers: str, states: str) -> str:
     return f"group by ({IDENTITY}, care) (\n{found}\n)"
 
 
-def _care_at(matchers: str) -> str:
-    """Return when a fault was acknowledged, or else notified last; Unix time."""
+def _care_at(matchers: str, states: str) -> str:
+    """Return when a fault was acknowledged, or its downtime ends, or it was notified; Unix time."""
+    robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
+    problems = f"""
+      max by ({IDENTITY}) ({HELD}{{{matchers}}})
+      or max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
+      or {robots}
+"""
     return f"""
     max by ({IDENTITY}) ({ACKNOWLEDGED}{{{matchers}}})
+  or
+    0 * ({problems}) + on (fleet, robot) group_left () ({_UNTIL} < +Inf)
   or
     max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} > 0)
 """
@@ -402,7 +416,7 @@ def problem_table(
             "B": f"(\n{_since(matchers, states)}\n) * 1000",
             "C": _care(matchers, states),
             "D": _pages(matchers, states),
-            "E": f"(\n{_care_at(matchers)}\n) * 1000",
+            "E": f"(\n{_care_at(matchers, states)}\n) * 1000",
         },
         [each._replace(hidden=each.hidden or each.title in hidden) for each in _COLUMNS],
         by=IDENTITY,

@@ -303,6 +303,9 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
     named = {**own, **labels, "robots": "r4"}
     ends = samples["downtime_end_timestamp_seconds"]
     assert ends == {tuple(sorted(named.items())): WALL + 100}
+    of_robot = {"fleet": "f", "robot": "r4", "downtime": "new tires", "author": "ann"}
+    ends = samples["robot_downtime_end_timestamp_seconds"]
+    assert ends == {tuple(sorted(of_robot.items())): WALL + 100}
 
 
 def test_the_end_of_a_fault_says_as_text_when_it_ended_and_how_long_it_lasted():
