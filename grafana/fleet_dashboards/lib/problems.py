@@ -154,6 +154,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT})
       ros_diagnostics_component_planned_stale == 1)
     unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common|capability"}}
+    unless on ({_COMPONENT}) {HELD}{{{faults}, scope=~"component|flapping"}}
     and on (fleet, robot) ({received})
 {covered}
 """
