@@ -172,6 +172,12 @@ def _of_fault(name: str, faults: str) -> str:
     return f"topk by ({_ALERT}) (1, group by ({_ALERT}, {name}) {firing})"
 
 
+def _of_downtime() -> str:
+    """Return each alert of a downtime with its comment, one of several, as its message."""
+    told = label(f'ALERTS{{{_FIRES}, downtime!=""}}', "message", "$1", "downtime", "(.*)")
+    return f"topk by ({_ALERT}) (1, group by ({_ALERT}, message) ({told}))"
+
+
 def firing_alerts() -> table.Panel:
     """List the firing alerts."""
     return tables.joined(
@@ -182,7 +188,7 @@ def firing_alerts() -> table.Panel:
         {
             "A": _by_severity(),
             "B": f"{_ACTIVE_SINCE} * 1000",
-            "C": _of_fault("message", _TEXT),
+            "C": f"{_of_fault('message', _TEXT)}\nor\n{_of_downtime()}",
             "D": _of_fault("receiver", _NOTIFIED),
             "E": f"""
               max by ({_ALERT}) (
