@@ -70,7 +70,8 @@ class Feed(NamedTuple):
     component is STALE ``stale_after`` seconds after it was last in one, which is no fault with
     ``planned_stale``. ``confirm_after`` is None where the robot's profile says it; ``group`` is the
     group of its components. What fails of an ``uplink`` makes robots unreachable that name the
-    component's robot as theirs. What fails of a ``shadow`` is shown, and is no fault.
+    component's robot as theirs. What fails of a ``shadow`` is shown, and is no fault. ``numbers``:
+    those in its key-values are series of their own; else only where the config has a rule for them.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Feed(NamedTuple):
     planned_stale: bool = False
     uplink: bool = False
     shadow: bool = False
+    numbers: bool = True
 
 
 class Instant(NamedTuple):

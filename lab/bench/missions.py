@@ -46,7 +46,6 @@ from testbed.polling import until
 WALL = 1_700_000_000.0
 MINUTES = 3  # of virtual time that are measured, after one that is not
 SCRAPED = 15  # seconds between two scrapes
-KEPT = 10.0  # seconds for which a server keeps what ended, as by default with Jazzy
 STATUSES = tuple(Status(0, f"Component {number}", "OK") for number in range(16))
 
 
@@ -65,12 +64,9 @@ class InMemory:
         )
         self.state = FleetState(Fleet("bench", found), self._now())
         self.exposition = Exposition(self.state)
-        self._types = {
-            f"/{robot}/{action}{STATUS}": [GOALS_TYPE]
-            for robot in self.names
-            for action in self.actions
-        }
-        self._goals: dict[str, tuple[Goal, ...]] = dict.fromkeys(self._types, ())
+        self._topics = [
+            f"/{robot}/{action}{STATUS}" for robot in self.names for action in self.actions
+        ]
         self.state.update_nodes(0, [("nav", f"/{each}") for each in self.names], self._now())
 
     def _now(self) -> Instant:
@@ -86,7 +82,8 @@ class InMemory:
             for name in self.names:
                 topic = Topic(0, f"/{name}/diagnostics")
                 self.state.receive(topic, Array(now.wall, STATUSES, 900), now)
-            self.state.watched_topics(0, self._types, now)
+            types = dict.fromkeys(self._topics, (GOALS_TYPE,))
+            self.state.watched_topics(0, types, now)
             made = time.thread_time()
             lists = [*self._lists(second)]
             making += time.thread_time() - made
@@ -101,20 +98,17 @@ class InMemory:
         return (time.thread_time() - begin - making) / seconds
 
     def _lists(self, second: int) -> Iterator[tuple[str, bytes]]:
-        """What is published in a second: of each server two goals a minute, of three lists each."""
-        for number, topic in enumerate(self._goals):
+        """What is published in a second: of each server two goals a minute, of three lists each.
+
+        A server keeps a goal that ended for 10 s, so each list has one goal.
+        """
+        for number, topic in enumerate(self._topics):
             phase = (second + number) % 30
             status = {0: ACCEPTED, 1: EXECUTING, 20: SUCCEEDED}.get(phase)
-            if status is None:
-                continue
-            kept = tuple(each for each in self._goals[topic] if self._mono - each.stamp < 20 + KEPT)
-            if status == ACCEPTED:
-                key = (second * len(self._goals) + number).to_bytes(16, "big")
-                kept = (*kept, Goal(key, self._mono, status))
-            else:
-                kept = (*kept[:-1], kept[-1]._replace(status=status)) if kept else ()
-            self._goals[topic] = kept
-            yield topic, encode_goals(kept)
+            if status is not None:
+                begin = self._mono - phase
+                key = round(begin * len(self._topics) + number).to_bytes(16, "big", signed=True)
+                yield topic, encode_goals([Goal(key, begin, status)])
 
 
 def megabytes(robots: int, actions: int) -> float:

@@ -74,7 +74,9 @@ class RobotText:
         self._read = -1  # the last change that was rendered
         self._read_everything = -1  # ... that was, of what most messages change
         self._presence: tuple[bool, str | None] | None = None
-        self._labels: list[tuple[Component, str]] = []  # group and component, rendered
+        # The components, and the own labels of each, rendered; two lists, as in `_Values`.
+        self._components: list[Component] = []
+        self._labels: list[str] = []
         self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
         self._suppressed: Mapping[ComponentName, Reason] = {}  # as rendered
@@ -146,13 +148,13 @@ class RobotText:
 
     def _rename(self) -> None:
         """Render the labels of every component and of every value anew."""
-        self._labels = []
+        self._components, self._labels = [], []
         self._values = {}
         for component in self.robot.components:
-            group, label = escape(component.group), escape(component.label)
-            labels = f'{{{self._base},group="{group}",component="{label}"'
-            self._labels.append((component, labels))
-            if component.is_stale:
+            labels = _labels_of_component(component.group, component.label)
+            self._components.append(component)
+            self._labels.append(labels)
+            if component.is_stale or not component.has_numbers:
                 continue
             for value in component.values.all:
                 for family in _families_of(value):
@@ -164,16 +166,23 @@ class RobotText:
         for name in (self.promoted | plain) - self._values.keys():
             self._remove(name)
         self.promoted = self._values.keys() - plain
-        name = metrics.COMPONENT_INFO.name
+        start = self._start(metrics.COMPONENT_INFO.name)
         self._set(
             metrics.COMPONENT_INFO,
             (
-                f'{name}{labels},hardware_id="{escape(each.hardware_id)}"}} 1\n'
-                for each, labels in self._labels
+                f'{start}{labels},hardware_id="{escape(each.hardware_id)}"}} 1\n'
+                for each, labels in self._labelled()
                 if each.level >= 0
             ),
         )
         self._render_rules()
+
+    def _start(self, name: str) -> str:
+        """How each sample of a family begins."""
+        return f"{name}{{{self._base}"
+
+    def _labelled(self) -> Iterable[tuple[Component, str]]:
+        return zip(self._components, self._labels, strict=True)
 
     def _render_rules(self) -> None:
         """The config of single components."""
@@ -182,22 +191,24 @@ class RobotText:
             (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
             (metrics.COMPONENT_PLANNED_STALE, _planned_stale),
         ):
+            start = self._start(family.name)
             self._set(
                 family,
                 (
-                    f"{family.name}{labels}}} {number(own)}\n"
-                    for each, labels in self._labels
+                    f"{start}{labels}}} {number(own)}\n"
+                    for each, labels in self._labelled()
                     if (own := find(each, profile)) is not None
                 ),
             )
         family = metrics.COMPONENT_VALUE_THRESHOLD
+        start = self._start(family.name)
         self._set(
             family,
             (
-                f'{family.name}{labels},key="{escape(value.key)}",unit="{escape(value.unit)}"'
+                f'{start}{labels},key="{escape(value.key)}",unit="{escape(value.unit)}"'
                 f',bound="{bound.bound}",severity="{bound.severity}"}} {number(bound.value)}\n'
-                for each, labels in self._labels
-                for value in each.values.all
+                for each, labels in self._labelled()
+                for value in (each.values.all if each.values.judges else ())
                 if value.rule is not None
                 for bound in value.rule.thresholds
             ),
@@ -206,11 +217,12 @@ class RobotText:
     def _render_downtimes(self) -> None:
         """Which components are in a planned downtime of their own."""
         family = metrics.COMPONENT_MAINTENANCE
+        start = self._start(family.name)
         self._set(
             family,
             (
-                f"{family.name}{labels}}} 1\n"
-                for each, labels in self._labels
+                f"{start}{labels}}} 1\n"
+                for each, labels in self._labelled()
                 if each.label in self.robot.maintained
             ),
         )
@@ -294,28 +306,28 @@ class RobotText:
         )
 
     def _render_levels(self) -> None:
-        shown = [(each, labels) for each, labels in self._labels if each.level >= 0]
+        shown = [(each, labels) for each, labels in self._labelled() if each.level >= 0]
         for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_SINCE, _since),
             (metrics.COMPONENT_CHANGES, _changes),
         ):
-            name = family.name
+            start = self._start(family.name)
             self._set(
                 family,
                 [
-                    f"{name}{labels}}} {value!r}\n"
+                    f"{start}{labels}}} {value!r}\n"
                     for component, labels in shown
                     if (value := read(component)) is not None
                 ],
             )
-        name = metrics.COMPONENT_MESSAGE.name
+        start = self._start(metrics.COMPONENT_MESSAGE.name)
         length = self.robot.limits.label_length
         self._set(
             metrics.COMPONENT_MESSAGE,
             (
-                f'{name}{labels},message="{escape(component.trouble_text[:length])}"}} 1\n'
+                f'{start}{labels},message="{escape(component.trouble_text[:length])}"}} 1\n'
                 for component, labels in shown
                 if component.level != Level.OK
             ),
@@ -335,14 +347,15 @@ class RobotText:
         """What faults/ keeps; where it keeps nothing, trouble began with the level."""
         found = self._state.followed(self.robot)
         since, ratio = metrics.COMPONENT_PROBLEM_SINCE, metrics.COMPONENT_FLAP_RATIO
+        start_of_since, start_of_ratio = self._start(since.name), self._start(ratio.name)
         begins, ratios = [], []
         for each, labels in shown:
             own = found.get(ComponentName(each.group, each.label)) if found else None
             if each.level != Level.OK:
                 begin = each.since if own is None or own.since is None else own.since
-                begins.append(f"{since.name}{labels}}} {round(begin, 3)!r}\n")
+                begins.append(f"{start_of_since}{labels}}} {round(begin, 3)!r}\n")
             if own is not None and own.flap_ratio:
-                ratios.append(f"{ratio.name}{labels}}} {round(own.flap_ratio, 6)!r}\n")
+                ratios.append(f"{start_of_ratio}{labels}}} {round(own.flap_ratio, 6)!r}\n")
         self._set(since, begins)
         self._set(ratio, ratios)
 
@@ -374,7 +387,8 @@ class RobotText:
             numbers = [value.number for value in values.values]
             texts = map(repr if all(map(isfinite, numbers)) else number, numbers)
             rows = zip(values.labels, values.own, texts, strict=True)
-            self._set_chunk(name, [f"{name}{labels}{own}{text}\n" for labels, own, text in rows])
+            start = self._start(name)
+            self._set_chunk(name, [f"{start}{labels}{own}{text}\n" for labels, own, text in rows])
 
     def _render_missions(self, missions: Missions) -> None:
         for family, lines in mission_samples(missions, self._base):
@@ -395,8 +409,14 @@ class RobotText:
 
 
 @lru_cache(maxsize=65_536)
+def _labels_of_component(group: str, label: str) -> str:
+    """A component's own labels: the robots of a fleet have the same ones, stored once."""
+    return f',group="{escape(group)}",component="{escape(label)}"'
+
+
+@lru_cache(maxsize=65_536)
 def _labels_of_value(key: str, unit: str | None) -> str:
-    """The end of a sample's labels: the robots of a fleet have the same ones, stored once."""
+    """The end of a sample's labels; as above."""
     own = "" if unit is None else f',unit="{escape(unit)}"'
     return f',key="{escape(key)}"{own}}} '
 

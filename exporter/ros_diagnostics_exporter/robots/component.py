@@ -125,6 +125,11 @@ class Component:
         return self.rule is not None and self.rule.reports == "on_change" and self.feed is None
 
     @property
+    def has_numbers(self) -> bool:
+        """Whether the numbers in its key-values are series."""
+        return self.feed is None or self.feed.numbers or self.values.judges
+
+    @property
     def is_reported_once(self) -> bool:
         """Whether a driver published it once since it is known."""
         return self.raw_received is not None and not self.gaps

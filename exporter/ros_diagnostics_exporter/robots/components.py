@@ -109,7 +109,7 @@ class Components:
         has_rules = any(selects_component(rule, name) for rule in profile.values)
         return ComponentValues(
             (lambda key: value_rule(profile, name, key)) if has_rules else None,
-            (self._limits.values, self._limits.label_length),
+            self._limits,
             self._value_series,
             self._reject,
             self._marks,
@@ -236,7 +236,8 @@ class Components:
     def parse_values(self) -> None:
         """Parse the numbers that were not yet read; see `ComponentValues`."""
         for component in self.by_identity.values():
-            component.values.parse()
+            if component.has_numbers:
+                component.values.parse()
 
     # -- levels ------------------------------------------------------------------------------
 

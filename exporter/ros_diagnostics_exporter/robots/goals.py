@@ -21,12 +21,21 @@ from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
-from operator import itemgetter
+from operator import attrgetter
 from typing import Annotated, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
-from ros_diagnostics_exporter.decode.goals import ABORTED, CANCELED, MOST, SUCCEEDED, Goal, Key
+from ros_diagnostics_exporter.decode.goals import (
+    ABORTED,
+    CANCELED,
+    MOST,
+    SUCCEEDED,
+    Goal,
+    Key,
+    key_of,
+    parts_of,
+)
 
 Result = Literal["succeeded", "aborted", "cancelled", "preempted", "unknown"]
 RESULTS: tuple[Result, ...] = get_args(Result)
@@ -34,7 +43,8 @@ REPLACED = 1.0  # seconds within which a newer goal has taken the place of one t
 RETURN = 600.0  # ... for which a server may be away until its goals are unknown
 BOUNDS = (1.0, 10.0, 60.0, 300.0, 1800.0)  # of durations, in seconds: from a spin to a tour
 MOST_RUNNING = 100  # goals of one server that run at once; later ones are not followed
-_ENDED = {SUCCEEDED: "succeeded", ABORTED: "aborted", CANCELED: "cancelled"}
+_NEVER = -inf  # one object for all
+_ENDED: dict[int, Result] = {SUCCEEDED: "succeeded", ABORTED: "aborted", CANCELED: "cancelled"}
 
 Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
 _Id = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
@@ -44,7 +54,7 @@ _Count = Annotated[int, Field(ge=0, le=2**53)]
 class GoalEnd(NamedTuple):
     """A goal that ended; ``seconds`` is how long it took, None where that was not seen."""
 
-    result: str
+    result: Result
     at: float  # monotonic
     seconds: float | None = None
 
@@ -75,6 +85,7 @@ class _Running:
     ``whole``: its begin was seen, and its server was there ever since.
     """
 
+    key: Key
     number: int
     since: float  # monotonic
     whole: bool
@@ -82,53 +93,79 @@ class _Running:
 
 @dataclass(slots=True)
 class Counts:
-    """How many goals of one server ended in which way, and how long they took."""
+    """How many goals of one server ended in which way, and how long they took.
+
+    ``numbers`` are those of each of `RESULTS`, then those of `durations`.
+    """
 
     started: int = 0  # those whose begin was seen
-    results: dict[str, int] = field(default_factory=lambda: dict.fromkeys(RESULTS, 0))
-    durations: list[int] = field(default_factory=lambda: [0] * (len(BOUNDS) + 1))
     seconds: float = 0.0
+    numbers: list[int] = field(default_factory=lambda: [0] * (len(RESULTS) + len(BOUNDS) + 1))
+
+    @property
+    def ended(self) -> list[int]:
+        """How many ended in which way, in the order of `RESULTS`."""
+        return self.numbers[: len(RESULTS)]
+
+    @property
+    def durations(self) -> list[int]:
+        """How many took how long, by `BOUNDS`; the last is of longer ones."""
+        return self.numbers[len(RESULTS) :]
+
+    @property
+    def results(self) -> dict[Result, int]:
+        """How many ended in which way."""
+        return dict(zip(RESULTS, self.ended, strict=True))
 
     def add(self, end: GoalEnd) -> None:
         """Count a goal that ended."""
-        self.results[end.result] += 1
+        self.numbers[RESULTS.index(end.result)] += 1
         if end.seconds is not None:
             self.seconds += end.seconds
-            self.durations[bisect_left(BOUNDS, end.seconds)] += 1
+            self.numbers[len(RESULTS) + bisect_left(BOUNDS, end.seconds)] += 1
 
     def with_(self, ends: Iterable[GoalEnd]) -> Counts:
         """Others, with these goals too."""
-        others = Counts(self.started, dict(self.results), list(self.durations), self.seconds)
+        others = Counts(self.started, self.seconds, [*self.numbers])
         for end in ends:
             others.add(end)
         return others
 
 
 class Goals:
-    """The goals of one server. Each method returns what ended by it; ``mono`` is monotonic."""
+    """The goals of one server. Each method returns what ended by it; ``mono`` is monotonic.
+
+    A fleet has thousands of servers with one or two goals each, so these are kept in tuples: a
+    dict of one takes five times as much memory.
+    """
 
     __slots__ = (
-        *("counts", "received_at", "_known", "_running", "_held", "_newest", "_number"),
-        *("_accepted_at", "_is_joined", "_is_first", "_away_since"),
+        *("counts", "received_at", "_ended", "_lost", "_running", "_held", "_newest", "_number"),
+        *("_accepted_at", "_is_joined", "_away_since"),
     )
 
     def __init__(self) -> None:
         self.counts = Counts()
-        self._known: dict[Key, bool] = {}  # of the last list: whether it has ended
-        self._running: dict[Key, _Running] = {}
-        self._held: list[GoalEnd] = []  # cancelled ones that may have been replaced
-        self._newest = -inf  # the robot's time of its last goal
+        self._ended: tuple[Key, ...] = ()  # of the last list
+        self._lost: tuple[Key, ...] = ()  # of the last list, which may run, and are not followed
+        self._running: tuple[_Running, ...] = ()
+        self._held: tuple[GoalEnd, ...] = ()  # cancelled ones that may have been replaced
+        self._newest = _NEVER  # the robot's time of its last goal
         self._number = 0  # goals that were seen
-        self._accepted_at = -inf  # when the last of them was
+        self._accepted_at = _NEVER  # when the last of them was
         self._is_joined = False  # a list was received before, by whichever process
-        self._is_first = True  # the next list is the first of this process
         self._away_since: float | None = None
-        self.received_at = -inf  # when the last list was received
+        self.received_at = _NEVER  # when the last list was received
 
     @property
     def state(self) -> tuple[object, ...]:
         """What of it may change how it is judged, served or followed."""
         return self.counts.started, self.running, self.is_away, len(self._held)
+
+    @property
+    def _is_first(self) -> bool:
+        """Whether the next list is the first of this process."""
+        return self.received_at == _NEVER
 
     @property
     def is_away(self) -> bool:
@@ -144,7 +181,7 @@ class Goals:
         """For how many seconds the longest of them runs; 0: none does."""
         if self._away_since is not None:
             return 0.0
-        return max((mono - each.since for each in self._running.values()), default=0.0)
+        return max([mono - each.since for each in self._running], default=0.0)
 
     @property
     def due(self) -> float:
@@ -156,21 +193,25 @@ class Goals:
 
     def see(self, goals: Iterable[Goal], mono: float) -> list[GoalEnd]:
         """Take a list as it was received."""
-        before, ends, running = self.return_(mono), list[GoalEnd](), self._running
-        self.received_at = mono
+        before, ends = self.return_(mono), list[GoalEnd]()
         listed = {each.key: each for each in goals}
-        known, self._known = self._known, {key: each.has_ended for key, each in listed.items()}
-        for key in running.keys() - listed.keys():
-            ends.append(self._drop(key, mono))
-        new = [key for key in listed if key not in known and not self._is_old(listed[key])]
-        for key in sorted(new, key=itemgetter(1)):  # by when they were accepted
-            ends += self._begin(listed[key], mono)
-        for key, has_ended in self._known.items():
-            if has_ended and key in running:
-                ends += self._finish(running.pop(key), listed[key], mono)
+        running = {each.key: each for each in self._running}
+        known = {*running, *self._ended, *self._lost}
+        ends += [GoalEnd("unknown", mono) for key in running if key not in listed]
+        new = [goal for key, goal in listed.items() if key not in known and not self._is_old(goal)]
+        running = {key: each for key, each in running.items() if key in listed}
+        for goal in sorted(new, key=attrgetter("stamp")):  # by when they were accepted
+            ends += self._begin(goal, running, mono)
+        for key, goal in listed.items():
+            if goal.has_ended and key in running:
+                ends += self._finish(running.pop(key), goal, mono)
+        self._running = tuple(running.values())
+        self._ended = tuple([key for key, each in listed.items() if each.has_ended])
+        going = [key for key, each in listed.items() if not each.has_ended]
+        self._lost = tuple([key for key in going if key not in running])
         if listed:
-            self._newest = max(stamp for _id, stamp in listed)
-        self._is_joined, self._is_first = True, False
+            self._newest = max([each.stamp for each in listed.values()])
+        self._is_joined, self.received_at = True, mono
         return before + self._counted(ends)
 
     def _is_old(self, goal: Goal) -> bool:
@@ -178,17 +219,17 @@ class Goals:
         is_counted_before = not self._is_joined or goal.stamp <= self._newest
         return goal.has_ended and self._is_first and is_counted_before
 
-    def _begin(self, goal: Goal, mono: float) -> list[GoalEnd]:
+    def _begin(self, goal: Goal, running: dict[Key, _Running], mono: float) -> list[GoalEnd]:
         """Take a goal that is seen the first time; what it takes the place of."""
         self._number += 1
         is_seen = not self._is_first
-        self._accepted_at = mono if is_seen else -inf
+        self._accepted_at = mono if is_seen else _NEVER
         self.counts.started += is_seen
-        if len(self._running) < MOST_RUNNING:
+        if len(running) < MOST_RUNNING:
             whole = is_seen and not goal.has_ended
-            self._running[goal.key] = _Running(self._number, mono, whole)
+            running[goal.key] = _Running(goal.key, self._number, mono, whole)
         replaced = [end._replace(result="preempted") for end in self._held]
-        self._held.clear()
+        self._held = ()
         return replaced
 
     def _finish(self, running: _Running, goal: Goal, mono: float) -> list[GoalEnd]:
@@ -200,14 +241,9 @@ class Goals:
             result = "preempted"
         end = GoalEnd(result, mono, mono - running.since if running.whole else None)
         if result == "cancelled":
-            self._held.append(end)
+            self._held += (end,)
             return []
         return [end]
-
-    def _drop(self, key: Key, mono: float) -> GoalEnd:
-        """Follow a goal no more that nobody knows the end of."""
-        del self._running[key]
-        return GoalEnd("unknown", mono)
 
     def _counted(self, ends: list[GoalEnd]) -> list[GoalEnd]:
         for end in ends:
@@ -220,7 +256,7 @@ class Goals:
         """Note that the server, or its robot, cannot be reached."""
         if self._away_since is None:
             self._away_since = mono
-            for each in self._running.values():
+            for each in self._running:
                 each.whole = False
 
     def return_(self, mono: float) -> list[GoalEnd]:
@@ -231,18 +267,22 @@ class Goals:
 
     def restart(self, mono: float) -> list[GoalEnd]:
         """Note that another process serves the action: it knows nothing of these goals."""
-        self._known.clear()
-        return self._lose_all(mono)
+        ends = self._lose_all(mono)
+        self._ended = self._lost = ()
+        return ends
 
     def _lose_all(self, mono: float) -> list[GoalEnd]:
-        return self._counted([self._drop(each, mono) for each in list(self._running)])
+        """Follow none of the goals any more: nobody knows how they end."""
+        lost, self._running = self._running, ()
+        self._lost += tuple([each.key for each in lost])
+        return self._counted([GoalEnd("unknown", mono) for _ in lost])
 
     def tick(self, mono: float) -> list[GoalEnd]:
         """Let time pass."""
         if not self._held and self._away_since is None:
             return []
         ends = [each for each in self._held if mono > each.at + REPLACED]
-        self._held = [each for each in self._held if mono <= each.at + REPLACED]
+        self._held = tuple([each for each in self._held if mono <= each.at + REPLACED])
         self._counted(ends)
         if self._away_since is not None and mono >= self._away_since + RETURN:
             ends += self._lose_all(mono)
@@ -255,31 +295,28 @@ class Goals:
         counts = self.counts.with_(self._held) if self._held else self.counts
         return GoalsLearned(
             newest=max(self._newest, -1e11),
-            running=[
-                (key[0].hex(), key[1], mono - each.since) for key, each in self._running.items()
-            ],
-            lost=[
-                (key[0].hex(), key[1])
-                for key, has_ended in self._known.items()
-                if not has_ended and key not in self._running
-            ],
-            results=[*counts.results.values()],
+            running=[(*_written(each.key), mono - each.since) for each in self._running],
+            lost=[_written(each) for each in self._lost],
+            results=counts.ended,
             started=counts.started,
-            durations=[*counts.durations],
+            durations=counts.durations,
             seconds=counts.seconds,
         )
 
     def restore(self, learned: GoalsLearned, mono: float) -> None:
         """Go on from what an earlier process knew: the server is away until it is found."""
         self._newest, self._is_joined, self._away_since = learned.newest, True, mono
-        for goal_id, stamp, age in learned.running:
-            self._number += 1
-            self._running[bytes.fromhex(goal_id), stamp] = _Running(
-                self._number, mono - age, whole=False
-            )
-        self._known = dict.fromkeys(self._running, False)
-        self._known |= {(bytes.fromhex(each), stamp): False for each, stamp in learned.lost}
-        counts = self.counts
-        counts.started, counts.seconds = learned.started, learned.seconds
-        counts.durations = list(learned.durations)
-        counts.results = dict(zip(RESULTS, learned.results, strict=True))
+        self._running = tuple(
+            _Running(key_of(bytes.fromhex(goal_id), stamp), number, mono - age, whole=False)
+            for number, (goal_id, stamp, age) in enumerate(learned.running, 1)
+        )
+        self._number = len(self._running)
+        self._lost = tuple([key_of(bytes.fromhex(each), stamp) for each, stamp in learned.lost])
+        numbers = [*learned.results, *learned.durations]
+        self.counts = Counts(learned.started, learned.seconds, numbers)
+
+
+def _written(key: Key) -> tuple[str, float]:
+    """A goal's id in hexadecimal, and its stamp."""
+    goal_id, stamp = parts_of(key)
+    return goal_id.hex(), stamp

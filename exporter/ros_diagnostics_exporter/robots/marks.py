@@ -50,7 +50,8 @@ class Marks(Generic[T]):
         self.at[mark] = self.count
         if component is not None:
             of = self._of[mark]
-            of.pop(component, None)
+            if component is not next(reversed(of), None):  # else it stays the latest, in its place
+                of.pop(component, None)
             of[component] = self.count
 
     def last(self, *marks: int) -> int:

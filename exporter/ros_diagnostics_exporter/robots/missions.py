@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timezone
+from functools import lru_cache
 from math import inf
 from typing import Annotated, NamedTuple
 
@@ -32,9 +33,11 @@ from ros_diagnostics_exporter.sources.action_servers import MOST
 from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
 
 # Where a server is away nothing is known of its goals, which is no fault: others say so.
-ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True)
+# `goals_running` is the number of goals of all actions, also of those that are no components.
+ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True, numbers=False)
 _SUCCEEDED, _ABORTED, _PREEMPTED = map(RESULTS.index, ("succeeded", "aborted", "preempted"))
 REPORT = 30.0  # seconds between two statuses of what runs
+_NEVER = -inf  # one object for all
 Mode = tuple[bool | None, bool | None]  # it works by itself; it is stopped; None: not known
 _Text = Annotated[str, Field(max_length=256)]
 _Recent = Annotated[list[tuple[Moment, Result]], Field(max_length=MOST_RECENT)]
@@ -73,12 +76,12 @@ class Action:
         self.goals = Goals()
         self.clock = Stopwatch()  # runs while its server is there
         self.status: Status | None = None  # as it was reported
-        self.due = -inf  # when `tick` has something to do, or its status is another, monotonic
+        self.due = _NEVER  # when `tick` has something to do, or its status is another, monotonic
         # Indices of `RESULTS`, where its entry counts aborted ones.
         self._ended: Recent | None = None
         self._started: Recent | None = None  # where its entry counts these
         self._aborted_at = 0.0  # when the last was aborted, Unix time
-        self._last_aborted = -inf  # ... by the clock
+        self._last_aborted = _NEVER  # ... by the clock
         self._told_running = 0  # goals that ran when its status was reported
         self.set_rule(rule)
 
@@ -154,7 +157,7 @@ class Action:
             return None
         self._told_running = self.goals.running
         longest = self.goals.longest(now.mono)
-        values = (("running", str(self._told_running)), ("longest", f"{longest:.0f} s"))
+        values = _values(self._told_running, round(longest))
         status = Status(judged[0], self.name, judged[1], "", values)
         if status == before:
             return None
@@ -238,6 +241,11 @@ class Action:
 class Missions:
     """The actions of one robot, by their names in its namespace."""
 
+    __slots__ = (
+        *("actions", "autonomy", "due", "mode", "since"),
+        *("_namespace", "_report_at", "_rules"),
+    )
+
     def __init__(self, rules: tuple[ActionRule, ...], namespace: str, since: float) -> None:
         self._rules, self._namespace = rules, namespace
         self.since = since  # when counting began, Unix time
@@ -246,7 +254,6 @@ class Missions:
         self.mode: Mode = (None, None)  # as it was taken last
         self.due = inf  # when `tick` has something to do, or a status is another, monotonic
         self._report_at = inf  # when what runs is said again, monotonic
-        self._telling: set[Action] = set()  # those of which there is something to say then
 
     def configure(self, rules: tuple[ActionRule, ...], namespace: str) -> list[str]:
         """Follow other entries; the actions that have none any more, and so are no components."""
@@ -289,7 +296,6 @@ class Missions:
             before = each.level
             status = each.take_status(now, tells_values=now.mono >= self._report_at)
             each.schedule(now.mono)
-            (self._telling.add if each.tells_more else self._telling.discard)(each)
             if status is not None:
                 found.append(status)
                 is_turned |= status.level != before
@@ -297,11 +303,13 @@ class Missions:
 
     def schedule(self, mono: float) -> None:
         """Set when there is something to do next."""
-        if not (self._telling or (self.autonomy is not None and self.autonomy.is_running)):
+        actions = self.actions.values()
+        is_autonomous = self.autonomy is not None and self.autonomy.is_running
+        if not (is_autonomous or any(each.tells_more for each in actions)):
             self._report_at = inf
         elif self._report_at == inf or self._report_at <= mono:
             self._report_at = mono + REPORT
-        self.due = min([self._report_at, *[each.due for each in self.actions.values()]])
+        self.due = min([self._report_at, *[each.due for each in actions]])
 
     def due_actions(self, mono: float) -> list[Action]:
         """Those whose status may be another by now."""
@@ -309,7 +317,7 @@ class Missions:
         return [
             each
             for each in self.actions.values()
-            if mono >= each.due or (says_again and each in self._telling)
+            if mono >= each.due or (says_again and each.tells_more)
         ]
 
     def learned(self, now: Instant) -> MissionsLearned:
@@ -327,6 +335,12 @@ class Missions:
         if learned.autonomy is not None:
             self.autonomy = Autonomy()
             self.autonomy.restore(AutonomyLearned(*learned.autonomy))
+
+
+@lru_cache(maxsize=4096)  # the actions of a fleet have the same ones, stored once
+def _values(running: int, longest: int) -> tuple[tuple[str, str], ...]:
+    """The key-values of an action."""
+    return ("running", str(running)), ("longest", f"{longest} s")
 
 
 def _counted_by(limit: TooMany | None, known: Recent | None) -> Recent | None:

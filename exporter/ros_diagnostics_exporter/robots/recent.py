@@ -16,24 +16,24 @@ class Recent:
 
     def __init__(self, within: float) -> None:
         self.within = within
-        self._at, self._what = array("d"), bytearray()
+        self._at, self._what = array("d"), b""
 
     def add(self, what: Iterable[int], at: float) -> None:
         """Note what happened at a moment that is none before the last."""
         for each in what:
             self._at.append(at)
-            self._what.append(each)
+            self._what += bytes([each])
         self._forget(at)
 
     def _forget(self, at: float) -> None:
         begin = max(bisect_right(self._at, at - self.within), len(self._at) - MOST)
         if begin > 0:
             del self._at[:begin]
-            del self._what[:begin]
+            self._what = self._what[begin:]
 
     def since(self, moment: float) -> bytes:
         """What happened after a moment, in order."""
-        return bytes(self._what[bisect_right(self._at, moment) :])
+        return self._what[bisect_right(self._at, moment) :]
 
     def next_after(self, moment: float) -> float | None:
         """The first moment after another."""

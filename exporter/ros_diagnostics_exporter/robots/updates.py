@@ -7,6 +7,7 @@ for the other.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Container, Mapping, Sequence
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
@@ -51,8 +52,9 @@ class MeasuredUpdates:
     def apply(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one answer; their names are unique in it."""
         self.answered[feed.name] = now.mono
+        group = sys.intern(QUERY + feed.name)
         for status in statuses:
-            identity = (status.name, QUERY + feed.name, "")
+            identity = (status.name, group, "")
             component = self._components.get_or_add(identity, feed.group, now)
             if component is not None:
                 self._components.regroup(component, feed.group)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import Limits, Threshold, ValueRule
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
@@ -147,6 +147,7 @@ def _is_misleading(digits: str) -> bool:
 # -- of one component -------------------------------------------------------------------------
 
 Pairs = Sequence[tuple[str, str]]
+_NONE: list[ExportedValue] = []  # of all components whose numbers nobody has read
 FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for it
 
 
@@ -191,26 +192,26 @@ class ComponentValues:
     that the config judges are parsed at once, all others when they are read: a robot sends ten
     times and more before it is scraped again.
 
-    ``limits`` are the values of a component and the characters of a key. ``find_rule`` is None
+    ``limits`` has the values of a component and the characters of a key. ``find_rule`` is None
     where the config has no rule for any value of this component, ``judged`` whether it may ask at
     any moment what they are.
     """
 
     find_rule: FindRule | None
-    limits: tuple[int, int]
+    limits: Limits
     series_limit: SeriesLimit
     reject: Reject
     marks: Marks[Any]
     judged: bool
-    _all: list[ExportedValue] = field(default_factory=list)
+    _all: list[ExportedValue] = field(default_factory=lambda: _NONE)
     # for each key-value its numbers; None for one that a limit rejects
-    _rows: list[list[ExportedValue | None]] = field(default_factory=list)
+    _rows: Sequence[list[ExportedValue | None]] = ()
     _series: int = 0
     _pairs: Pairs = ()  # of the last status
     _keys: tuple[str, ...] = ()  # of those that were parsed last
     _parsed: bool = True
-    _units: dict[str, str] = field(default_factory=dict)
-    _rules: dict[str, ValueRule | None] = field(default_factory=dict)
+    _units: dict[str, str] | None = None  # made with the first, as of most nothing is read
+    _rules: dict[str, ValueRule | None] | None = None
 
     @property
     def all(self) -> list[ExportedValue]:
@@ -230,12 +231,12 @@ class ComponentValues:
 
     def rule_of(self, key: str) -> ValueRule | None:
         """The config's rule for a key of the last update."""
-        return self._rules.get(key)
+        return None if self._rules is None else self._rules.get(key)
 
     def would_be_beyond(self, pairs: Pairs) -> bool:
         """Whether a number of other key-values would be beyond a threshold."""
         return any(
-            ExportedValue(key, unit, number, rule=self._rules.get(pair[0])).beyond
+            ExportedValue(key, unit, number, rule=self.rule_of(pair[0])).beyond
             for pair in pairs
             for key, unit, number in self._read(*pair)
         )
@@ -259,7 +260,7 @@ class ComponentValues:
         """Remove the numbers and their series, but not their units."""
         self.series_limit.remove(self._series)
         self._series = 0
-        self._all, self._rows = [], []
+        self._all, self._rows = [], ()
         self._pairs, self._keys, self._parsed = (), (), True
 
     def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
@@ -342,7 +343,7 @@ class ComponentValues:
         if self._is_list_beyond(pair):
             return [None]
         found = self._read(*pair)
-        rule = self._rules.get(pair[0])
+        rule = self.rule_of(pair[0])
         numbers = [self._add(number, rule, taken) for number in found]
         for value in numbers if rule is None and len(numbers) == 1 else ():
             if value is not None and not value.rejected:
@@ -359,22 +360,23 @@ class ComponentValues:
 
     def _limit(self) -> RejectionReason | None:
         """The limit that rejects one more number, if there is one."""
-        if len(self._all) >= self.limits[0]:
+        if len(self._all) >= self.limits.values:
             return "value_limit"
         return self.series_limit.exceeded_by(1)
 
     def _read(self, key: str, text: str) -> tuple[Number, ...]:
-        rule = None if self.find_rule is None else self._rule(key)
+        rule = None if self.find_rule is None else self._rule(key, self.find_rule)
         if rule is None:
             return parse_numbers(key, text)
         return read_by(rule, key, text)
 
-    def _rule(self, key: str) -> ValueRule | None:
-        if key not in self._rules and self.find_rule is not None:
-            if len(self._rules) >= 2 * self.limits[0]:
-                self._rules.clear()  # a robot that invents keys without end
-            self._rules[key] = self.find_rule(key)
-        return self._rules.get(key)
+    def _rule(self, key: str, find_rule: FindRule) -> ValueRule | None:
+        rules = self._rules = {} if self._rules is None else self._rules
+        if key not in rules:
+            if len(rules) >= 2 * self.limits.values:
+                rules.clear()  # a robot that invents keys without end
+            rules[key] = find_rule(key)
+        return rules[key]
 
     def _add(
         self, number: Number, rule: ValueRule | None, taken: dict[str, int]
@@ -387,7 +389,7 @@ class ComponentValues:
         if reason is not None:
             self.reject(reason, number.key)
             return None
-        key = unique_name(truncate(number.key, self.limits[1]), taken, "#")
+        key = unique_name(truncate(number.key, self.limits.label_length), taken, "#")
         unit = self._unit(key, number)
         value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
         if unit != number.unit and math.isfinite(number.value):
@@ -404,11 +406,12 @@ class ComponentValues:
 
     def _unit(self, key: str, number: Number) -> str:
         """The unit that the key had at first; "nan" and "inf" have none."""
+        units = self._units = {} if self._units is None else self._units
         if not math.isfinite(number.value):
-            return self._units.get(key, number.unit)
-        if key not in self._units and len(self._units) >= 2 * self.limits[0]:
-            self._units.clear()  # a robot that invents keys without end
-        return self._units.setdefault(key, number.unit)
+            return units.get(key, number.unit)
+        if key not in units and len(units) >= 2 * self.limits.values:
+            units.clear()  # a robot that invents keys without end
+        return units.setdefault(key, number.unit)
 
 
 def read_by(rule: ValueRule, key: str, text: str) -> tuple[Number, ...]:

@@ -150,7 +150,7 @@ class GraphWatch:
                 del self._given_up[key]
                 for robot in self._robots.values():
                     robot.messages.given_up.pop(key, None)
-        wanted = self._wanted[domain] = {
+        wanted = {
             name: kind
             for name, kinds in types.items()
             for kind in kinds
@@ -167,10 +167,11 @@ class GraphWatch:
         for name in self._owners[domain].by_name:
             self._robots[name].has_topics = name in publishing
         self._note(domain, entries.unseen(types, self.present(domain), now), now)
-        wanted |= self._goal_topics(domain, types)
-        return wanted
+        goals = self._goal_topics(domain, types)
+        found = self._wanted[domain] = wanted | goals if wanted else goals
+        return found
 
-    def _goal_topics(self, domain: Domain, types: Mapping[str, Sequence[str]]) -> Mapping[str, str]:
+    def _goal_topics(self, domain: Domain, types: Mapping[str, Sequence[str]]) -> dict[str, str]:
         """The topics of the action servers that are chosen; chosen anew where anything changed."""
         given_up, owners = self._given_up, self._owners[domain]
         topics = [

@@ -116,8 +116,9 @@ class Stopwatch:
 
     def set(self, *, running: bool, mono: float) -> None:
         """Take whether it is received now."""
-        self._seconds = self.read(mono)
-        self._since = mono if running else None
+        if running != (self._since is not None):
+            self._seconds = self.read(mono)
+            self._since = mono if running else None
 
     def read(self, mono: float) -> float:
         """The seconds until now."""

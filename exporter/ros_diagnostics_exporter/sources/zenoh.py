@@ -7,6 +7,7 @@ ROS:
 
     zenoh-bridge-ros2dds  @/<zenoh id>/@ros2_lv                      the bridge
                           @/<zenoh id>/@ros2_lv/MP/<key>/<type>/<qos>      a publisher
+                          @/<zenoh id>/@ros2_lv/AS/<key>/<type>            an action server
     rmw_zenoh             @ros2_lv/<domain>/<zenoh id>/<node>/<entity>/<kind>/<enclave>/<namespace>/
                               <node's name>[/<topic>/<type>/<type hash>/<qos>]
 
@@ -30,6 +31,7 @@ from ros_diagnostics_exporter.config.fleet import Zenoh
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import ZENOH, Endpoint, Instant
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.reception import Count, Reception
 from ros_diagnostics_exporter.sources.topic_entries import ends_of
@@ -80,6 +82,9 @@ def _of_bridge(parts: list[str]) -> Token | None:
     _at, session, _admin, *publisher = parts
     if not publisher:
         return Token(session)
+    if len(publisher) == 3 and publisher[0] == "AS":
+        key = publisher[1].replace("§", "/") + STATUS
+        return Token(session, f"/{key}", key, GOALS_TYPE)
     if len(publisher) != 4 or publisher[0] != "MP":
         return None
     key, kind = (each.replace("§", "/") for each in publisher[1:3])

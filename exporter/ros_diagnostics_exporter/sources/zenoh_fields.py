@@ -6,11 +6,11 @@ message DDS keeps for late joiners, is received here with its next message.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.model import ZENOH, Instant
-from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.topic_entries import REFUSED_FOR
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
@@ -32,10 +32,12 @@ class _Followed(NamedTuple):
     close: Callable[[], object]
 
 
-def asked_tokens(names: Iterable[str]) -> list[str]:
+def asked_tokens(names: Collection[str]) -> list[str]:
     """The key expressions of the tokens of what publishes topics, by the ends of their names."""
     ends = [name.removeprefix("/").replace("*", "$*") for name in sorted(names)]
     bridged = [f"@/*/@ros2_lv/MP/$*{end.replace('/', '§')}/*/*" for end in ends]
+    # Of an action server the bridge declares the action, and none of its topics.
+    bridged += ["@/*/@ros2_lv/AS/*/*"] if STATUS in names else []
     rmw = [f"@ros2_lv/*/*/*/*/MP/*/*/*/$*%{end.replace('/', '%')}/*/*/*" for end in ends]
     return [*bridged, *rmw]
 

@@ -89,3 +89,21 @@ def test_interventions_and_the_time_of_autonomy_are_served_as_they_are(mission):
 
     found = samples(mission.driver)
     assert (found["interventions_total"], found["autonomous_seconds_total"]) == ({(): 1}, {(): 65})
+
+
+WANTED = FLEET.replace(
+    "actions:", "values: [{component: dock, key: longest, unit: s}]\n    actions:", 1
+)
+
+
+@pytest.mark.parametrize(("config", "keys"), [(FLEET, set()), (WANTED, {"longest"})])
+def test_the_values_of_an_action_are_series_only_where_an_entry_is_for_it(
+    tmp_path, config, keys
+):
+    made = Mission.of(tmp_path, config)
+    made.begin(DOCK)
+
+    found = samples(made.driver).get("component_value", {})
+
+    assert {(DOCK, each) for each in keys} <= {key[1:3] for key in found}
+    assert keys or not found

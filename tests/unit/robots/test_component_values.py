@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import Limits, Threshold, ValueRule
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots import values as values_of_robots
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
@@ -39,7 +39,7 @@ def values_of(*, judged: bool, rejected: list[tuple[str, str]] | None = None) ->
     seen = [] if rejected is None else rejected
     return ComponentValues(
         RULES.get,
-        (3, 20),
+        Limits(values=3, label_length=20),
         SeriesLimit(100),
         lambda *reason: seen.append(reason),
         Marks(),
