@@ -20,6 +20,8 @@ LOOPBACK = """<CycloneDDS><Domain>
 </Discovery>
 </Domain></CycloneDDS>"""
 
+ALLOWED = {"publishers": [".*/diagnostics_agg"]}  # of what the bridge finds
+
 
 def program(name: str) -> str:
     """The path of ``zenoh-bridge`` or ``zenohd``, as ./run builds them.
@@ -57,10 +59,11 @@ def bridge(config: Path, endpoint: str, domain_id: int, namespace: str) -> list[
         MissingProgram: It is not built.
     """
     ros = {"namespace": namespace, "domain": domain_id}
-    allowed = {"allow": {"publishers": [".*/diagnostics_agg"]}}
     connect = {"endpoints": [endpoint], "timeout_ms": -1, "exit_on_failure": False}
-    plugins = {"ros2dds": {**ros, **allowed}}
-    _write(config, {"mode": "client", "connect": connect, "plugins": plugins})
+    plugins = {"ros2dds": {**ros, "allow": ALLOWED}}
+    # As Eclipse's program has it. Without that no topic is brought whose last message DDS keeps.
+    stamped = {"timestamping": {"enabled": True}}
+    _write(config, {"mode": "client", "connect": connect, "plugins": plugins, **stamped})
     return [program("zenoh-bridge"), str(config)]
 
 

@@ -97,9 +97,7 @@ WANTED = FLEET.replace(
 
 
 @pytest.mark.parametrize(("config", "keys"), [(FLEET, set()), (WANTED, {"longest"})])
-def test_the_values_of_an_action_are_series_only_where_an_entry_is_for_it(
-    tmp_path, config, keys
-):
+def test_the_values_of_an_action_are_series_only_where_an_entry_is_for_it(tmp_path, config, keys):
     made = Mission.of(tmp_path, config)
     made.begin(DOCK)
 

@@ -9,7 +9,9 @@ from unittest.mock import Mock
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Zenoh
-from ros_diagnostics_exporter.sources.zenoh import TOKENS, ZenohNetwork
+from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.zenoh import TOKENS, Token, ZenohNetwork, parse
+from ros_diagnostics_exporter.sources.zenoh_fields import asked_tokens
 
 zenoh = pytest.importorskip("zenoh")
 TOKEN = "@/9f/@ros2_lv/MP/r{}§diagnostics/diagnostic_msgs§msg§DiagnosticArray/:1:::;"
@@ -66,6 +68,18 @@ def test_looks_that_cost_much_are_further_apart(network, monkeypatch, share, lea
     list(network.look())
 
     assert least < network.look_at - before < most + time.monotonic() - before
+
+
+def test_an_action_server_of_a_bridge_offers_the_status_of_its_goals():
+    token = "@/9f/@ros2_lv/AS/site§r§dock_robot/test_msgs§action§Fibonacci"
+    [asked] = {*asked_tokens([STATUS])} - {
+        each for each in asked_tokens([STATUS]) if "/MP/" in each
+    }
+
+    assert zenoh.KeyExpr(asked).includes(zenoh.KeyExpr(token))
+    assert not [each for each in asked_tokens(["io/e_stop"]) if "/AS/" in each]
+    key = f"site/r/dock_robot{STATUS}"
+    assert parse(token) == Token("9f", f"/{key}", key, GOALS_TYPE)
 
 
 def test_tokens_of_what_is_asked_for_are_noted_and_no_others(network):
