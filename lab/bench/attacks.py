@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -12,6 +14,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 
+from bench import scraper
 from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
 from bench.site import BenchSite
 from testbed import http
@@ -23,6 +26,9 @@ HOSTILE = "hostile"
 FAULTY = "hostile_faulty"  # robots of attacks begin so; this one is attacked by another
 EVENTS = 10_000  # that the event log keeps
 SETTLE = 60.0  # seconds that anything may take to begin
+LOGIN = "bench:right"
+GUESSED = 10  # wrong passwords until an address has a pause
+PATIENCE, START = 5.0, 3.0  # seconds that `status` is given, and that its process takes beside
 RECORDED = 30.0  # ... from the confirmation of a fault to its recording
 
 
@@ -59,6 +65,8 @@ class Attack:
 
     It lasts ``seconds`` at least. ``kept`` is asked at the end for the share of what belongs to
     others that is still there. ``rest`` is for how many seconds after the attack memory is watched.
+    In ``options`` of the exporter SLOW is the address of the actor `slow`, LOGIN its web config, by
+    which `LOGIN` may log in.
     """
 
     what: str
@@ -70,28 +78,31 @@ class Attack:
     kept: Callable[[Attacked], float] | None = None
     rest: float = 0.0
     options: tuple[str, ...] = ()  # of the exporter
+    login: str = ""  # NAME:PASSWORD of who scrapes
 
 
 class Attacked:
     """A fresh exporter, its fleet, and what attacks it."""
 
-    def __init__(self, site: BenchSite, seconds: float) -> None:
+    def __init__(self, site: BenchSite, seconds: float, login: str) -> None:
         self._site = site
         self._seconds = seconds
+        self.begin = time.monotonic()
         self.exporter = site.start(site.exporter).process
-        self.address = site.exporter.address
+        self.address = f"{login}{login and '@'}{site.exporter.address}"
+        self.slow = site.slow
         self.scraper = site.use(closing(Scraper(self.address)))
         self.fleet = self.start_actor("fleet", "WHERE", str(ROBOTS))
 
     def start_actor(self, kind: str, *arguments: str) -> Process:
-        """Start one of `bench.actors`; WHERE and PORT are replaced by this site's."""
-        places = {"WHERE": self._site.where, "PORT": self.address.rpartition(":")[2]}
+        """Start one of `bench.actors`; WHERE, PORT and SLOW are replaced by this site's."""
+        port = self.address.rpartition(":")[2]
+        places = {"WHERE": self._site.where, "PORT": port, "SLOW": self._site.slow}
         named = [places.get(argument, argument) for argument in arguments]
         return self._site.start_actor(kind, *named, seconds=self._seconds)
 
     def wait_until_ready(self) -> None:
         """Wait until each robot of the fleet is up."""
-        self._site.exporter.wait_until_ready(SETTLE)
         self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
 
     def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:
@@ -166,6 +177,27 @@ def kept_recording(site: Attacked) -> float:
     return len(times) / float(round(times[-1] - times[0]) + 1)
 
 
+def kept_logged(site: Attacked) -> float:
+    """1 where each rejected login is counted, and a minute has no more than one line of the log."""
+    counted = scraper.total(scraper.REJECTED_LOGINS, site.scraper.text())
+    lines = site.exporter.output().count("logins were rejected")
+    minutes = (time.monotonic() - site.begin) / 60
+    return float(counted > GUESSED and 1 <= lines <= minutes + 1)
+
+
+def kept_patience(site: Attacked) -> float:
+    """1 where `status` gives up a server that answers slowly in the time that it is given."""
+    argv = ["status", "--url", f"http://{site.slow}", "--timeout", f"{PATIENCE:g}s"]
+    begin = time.monotonic()
+    subprocess.run(
+        [sys.executable, "-m", "ros_diagnostics_tools.main", *argv],
+        check=False,
+        capture_output=True,
+        timeout=SETTLE,
+    )
+    return float(time.monotonic() - begin < PATIENCE + START)
+
+
 ATTACKS = {
     "1": Attack("276 kB at 60/s", ("arrays", "WHERE", "fast")),
     "2": Attack("equal keys", ("arrays", "WHERE", "equal-keys")),
@@ -208,6 +240,22 @@ ATTACKS = {
         ("newcomers", "WHERE"),
         bounds=(*HARMLESS, FAULTS_SCRAPED, Bound("memory", at_most=2.0, calm=True)),
         seconds=300.0,
+    ),
+    "passwords": Attack(
+        "wrong passwords",
+        ("passwords", "PORT"),
+        bounds=(*HARMLESS, Bound("kept", at_least=1.0)),
+        seconds=30.0,
+        kept=kept_logged,
+        options=("--web.config.file=LOGIN",),
+        login=LOGIN,
+    ),
+    "slow": Attack(
+        "slow headers",
+        ("slow", "SLOW"),
+        bounds=(*HARMLESS, Bound("kept", at_least=1.0), Bound("stop", at_most=9.0)),
+        kept=kept_patience,
+        options=("--alertmanager.url=http://SLOW",),
     ),
 }
 

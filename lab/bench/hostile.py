@@ -19,6 +19,10 @@ value is its ratio to that.
   recordings  a robot publishes arrays of 0.9 MB, 20 a second; what is kept are the messages in the
               recording of another robot's fault
   newcomers   seven robots with new names a second, each for some seconds, for five minutes at least
+  passwords   a client guesses ten passwords a second, for half a minute at least; what is kept is
+              the count, and a line of the log a minute
+  slow        the Alertmanager sends a header one byte at a time; what is kept is the time limit of
+              `status --timeout 5s`, which asks it, too
 
 Each case has bounds. They are printed with what was measured; one that does not hold makes the exit
 code 1.
@@ -113,7 +117,7 @@ def run_case(attack: Attack, options: argparse.Namespace) -> Result:
     with running(
         zenoh=options.zenoh, seconds=lasting, more=CONFIG, options=attack.options
     ) as bench:
-        site = Attacked(bench, lasting)
+        site = Attacked(bench, lasting, attack.login)
         site.wait_until_ready()
         if attack.prepare is not None:
             attack.prepare(site)

@@ -6,6 +6,7 @@ import gzip
 import http.client
 import re
 import time
+from base64 import b64encode
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -26,6 +27,9 @@ SEQUENCE = re.compile(
     rb'^ros_diagnostics_component_value\{[^\n]*?robot="([^"\n]+)"'
     rb'[^\n]*key="Sequence"[^\n]*\} (\S+)$',
     re.MULTILINE,
+)
+REJECTED_LOGINS = re.compile(
+    rb"^ros_diagnostics_exporter_logins_rejected(_total)(?:\{[^\n]*\})? (\S+)$", re.MULTILINE
 )
 CHANGES = re.compile(FAMILY % (b"component_changes_total", b"robot"), re.MULTILINE)
 
@@ -57,10 +61,14 @@ class Scrape:
 
 
 class Scraper:
-    """Keeps its connection from scrape to scrape."""
+    """Keeps its connection from scrape to scrape; before the address may be NAME:PASSWORD@."""
 
     def __init__(self, address: str) -> None:
-        self._connection = http.client.HTTPConnection(address, timeout=TIMEOUT)
+        login, _, host = address.rpartition("@")
+        self._headers = dict(HEADERS)
+        if login:
+            self._headers["Authorization"] = f"Basic {b64encode(login.encode()).decode()}"
+        self._connection = http.client.HTTPConnection(host, timeout=TIMEOUT)
 
     def scrape(self) -> Scrape:
         """Scrape once.
@@ -102,7 +110,7 @@ class Scraper:
     def _ask(self, deadline: float) -> bytes:
         if self._connection.sock is None:
             self._connection.connect()
-        self._connection.request("GET", "/metrics", headers=HEADERS)
+        self._connection.request("GET", "/metrics", headers=self._headers)
         self._limit(deadline)
         response = self._connection.getresponse()
         body = bytearray()

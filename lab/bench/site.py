@@ -19,6 +19,13 @@ discovery:
 """
 
 
+# The password is "right"; its hash is the quickest that there is.
+LOGIN = """\
+basic_auth_users:
+  bench: $2b$04$RWXYT/S/v9Zud63z9wZgve9oBXXnWkkUTayZKV62XNunkpLEtCV2.
+"""
+
+
 class BenchSite(Site):
     """Its exporter finds every robot there, and asks no Alertmanager."""
 
@@ -33,6 +40,9 @@ class BenchSite(Site):
             found, routers = "zenoh: /", f"zenoh: {{routers: [{self.where}]}}\n"
             self.start_actor("router", self.where, seconds=seconds).wait_for_output("ready")
         more = more.replace("DOMAIN", self.where)
+        self.slow = free_address()
+        login = str(self.write("web.yml", LOGIN))
+        options = [each.replace("SLOW", self.slow).replace("LOGIN", login) for each in options]
         self.config = CONFIG.format(found=found, routers=routers) + more
         self.make_exporter(self.write("fleet.yml", self.config), *options, alertmanager="")
 

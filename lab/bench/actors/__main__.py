@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from bench.actors.asking import answer_slowly, guess_passwords
 from bench.actors.graph import publish_graph
 from bench.actors.inventing import invent, publish_large
 from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood, publish_joints
@@ -85,6 +86,12 @@ def _add_hostile(kinds: Any) -> None:
     readers.add_argument("path")
     readers.add_argument("count", type=int)
     readers.set_defaults(run=lambda o: hold_unread(o.port, o.path, o.count, o.seconds))
+    guessing = kinds.add_parser("passwords", help="a client that guesses passwords")
+    guessing.add_argument("port", type=int)
+    guessing.set_defaults(run=lambda o: guess_passwords(o.port, o.seconds))
+    slow = kinds.add_parser("slow", help="a server that sends a header one byte at a time")
+    slow.add_argument("address")
+    slow.set_defaults(run=lambda o: answer_slowly(o.address, o.seconds))
 
 
 def _robots(options: argparse.Namespace) -> range:
