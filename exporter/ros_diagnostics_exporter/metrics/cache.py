@@ -69,6 +69,7 @@ class RobotText:
         self.changed: set[str] = set()
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
+        self._begin = "{" + self._base  # of the labels of each sample
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._state = state
         self._read = -1  # the last change that was rendered
@@ -154,7 +155,8 @@ class RobotText:
             labels = _labels_of_component(component.group, component.label)
             self._components.append(component)
             self._labels.append(labels)
-            if component.is_stale or not component.has_numbers:
+            measured = component.feed is not None  # of most there is no need to ask for more
+            if component.is_stale or (measured and not component.has_numbers):
                 continue
             for value in component.values.all:
                 for family in _families_of(value):
@@ -166,48 +168,44 @@ class RobotText:
         for name in (self.promoted | plain) - self._values.keys():
             self._remove(name)
         self.promoted = self._values.keys() - plain
-        start = self._start(metrics.COMPONENT_INFO.name)
+        start = metrics.COMPONENT_INFO.name + self._begin
         self._set(
             metrics.COMPONENT_INFO,
             (
                 f'{start}{labels},hardware_id="{escape(each.hardware_id)}"}} 1\n'
-                for each, labels in self._labelled()
+                for each, labels in zip(self._components, self._labels, strict=True)
                 if each.level >= 0
             ),
         )
         self._render_rules()
 
-    def _start(self, name: str) -> str:
-        """How each sample of a family begins."""
-        return f"{name}{{{self._base}"
-
-    def _labelled(self) -> Iterable[tuple[Component, str]]:
-        return zip(self._components, self._labels, strict=True)
-
     def _render_rules(self) -> None:
         """The config of single components."""
-        profile = self.robot.settings.profile
+        profile, labelled = (
+            self.robot.settings.profile,
+            [*zip(self._components, self._labels, strict=True)],
+        )
         for family, find in (
             (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
             (metrics.COMPONENT_PLANNED_STALE, _planned_stale),
         ):
-            start = self._start(family.name)
+            start = family.name + self._begin
             self._set(
                 family,
                 (
                     f"{start}{labels}}} {number(own)}\n"
-                    for each, labels in self._labelled()
+                    for each, labels in labelled
                     if (own := find(each, profile)) is not None
                 ),
             )
         family = metrics.COMPONENT_VALUE_THRESHOLD
-        start = self._start(family.name)
+        start = family.name + self._begin
         self._set(
             family,
             (
                 f'{start}{labels},key="{escape(value.key)}",unit="{escape(value.unit)}"'
                 f',bound="{bound.bound}",severity="{bound.severity}"}} {number(bound.value)}\n'
-                for each, labels in self._labelled()
+                for each, labels in labelled
                 for value in (each.values.all if each.values.judges else ())
                 if value.rule is not None
                 for bound in value.rule.thresholds
@@ -217,12 +215,12 @@ class RobotText:
     def _render_downtimes(self) -> None:
         """Which components are in a planned downtime of their own."""
         family = metrics.COMPONENT_MAINTENANCE
-        start = self._start(family.name)
+        start = family.name + self._begin
         self._set(
             family,
             (
                 f"{start}{labels}}} 1\n"
-                for each, labels in self._labelled()
+                for each, labels in zip(self._components, self._labels, strict=True)
                 if each.label in self.robot.maintained
             ),
         )
@@ -306,14 +304,18 @@ class RobotText:
         )
 
     def _render_levels(self) -> None:
-        shown = [(each, labels) for each, labels in self._labelled() if each.level >= 0]
+        shown = [
+            (each, labels)
+            for each, labels in zip(self._components, self._labels, strict=True)
+            if each.level >= 0
+        ]
         for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_SINCE, _since),
             (metrics.COMPONENT_CHANGES, _changes),
         ):
-            start = self._start(family.name)
+            start = family.name + self._begin
             self._set(
                 family,
                 [
@@ -322,7 +324,7 @@ class RobotText:
                     if (value := read(component)) is not None
                 ],
             )
-        start = self._start(metrics.COMPONENT_MESSAGE.name)
+        start = metrics.COMPONENT_MESSAGE.name + self._begin
         length = self.robot.limits.label_length
         self._set(
             metrics.COMPONENT_MESSAGE,
@@ -347,7 +349,7 @@ class RobotText:
         """What faults/ keeps; where it keeps nothing, trouble began with the level."""
         found = self._state.followed(self.robot)
         since, ratio = metrics.COMPONENT_PROBLEM_SINCE, metrics.COMPONENT_FLAP_RATIO
-        start_of_since, start_of_ratio = self._start(since.name), self._start(ratio.name)
+        start_of_since, start_of_ratio = since.name + self._begin, ratio.name + self._begin
         begins, ratios = [], []
         for each, labels in shown:
             own = found.get(ComponentName(each.group, each.label)) if found else None
@@ -387,7 +389,7 @@ class RobotText:
             numbers = [value.number for value in values.values]
             texts = map(repr if all(map(isfinite, numbers)) else number, numbers)
             rows = zip(values.labels, values.own, texts, strict=True)
-            start = self._start(name)
+            start = name + self._begin
             self._set_chunk(name, [f"{start}{labels}{own}{text}\n" for labels, own, text in rows])
 
     def _render_missions(self, missions: Missions) -> None:

@@ -236,7 +236,7 @@ class Components:
     def parse_values(self) -> None:
         """Parse the numbers that were not yet read; see `ComponentValues`."""
         for component in self.by_identity.values():
-            if component.has_numbers:
+            if component.feed is None or component.has_numbers:  # of most without a call
                 component.values.parse()
 
     # -- levels ------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -147,7 +147,6 @@ def _is_misleading(digits: str) -> bool:
 # -- of one component -------------------------------------------------------------------------
 
 Pairs = Sequence[tuple[str, str]]
-_NONE: list[ExportedValue] = []  # of all components whose numbers nobody has read
 FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for it
 
 
@@ -203,7 +202,7 @@ class ComponentValues:
     reject: Reject
     marks: Marks[Any]
     judged: bool
-    _all: list[ExportedValue] = field(default_factory=lambda: _NONE)
+    _all: list[ExportedValue] | None = None  # until they are read
     # for each key-value its numbers; None for one that a limit rejects
     _rows: Sequence[list[ExportedValue | None]] = ()
     _series: int = 0
@@ -217,7 +216,7 @@ class ComponentValues:
     def all(self) -> list[ExportedValue]:
         """The numbers, in their order; those with another unit than at first among them."""
         self.parse()
-        return self._all
+        return [] if self._all is None else self._all
 
     @property
     def judges(self) -> bool:
@@ -260,7 +259,7 @@ class ComponentValues:
         """Remove the numbers and their series, but not their units."""
         self.series_limit.remove(self._series)
         self._series = 0
-        self._all, self._rows = [], ()
+        self._all, self._rows = None, ()
         self._pairs, self._keys, self._parsed = (), (), True
 
     def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
@@ -360,7 +359,7 @@ class ComponentValues:
 
     def _limit(self) -> RejectionReason | None:
         """The limit that rejects one more number, if there is one."""
-        if len(self._all) >= self.limits.values:
+        if len(self._all or ()) >= self.limits.values:
             return "value_limit"
         return self.series_limit.exceeded_by(1)
 
@@ -401,6 +400,7 @@ class ComponentValues:
             self.reject(reason, key)
             return None
         self._series += value.series
+        self._all = [] if self._all is None else self._all
         self._all.append(value)
         return value
 
