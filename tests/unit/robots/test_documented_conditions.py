@@ -38,7 +38,7 @@ def faults_after(driver: StateDriver, seconds: float, *statuses: Status) -> set[
 
 
 def test_battery_low_while_charging(tmp_path):
-    driver = example(tmp_path, 0, "Battery low while charging is none")
+    driver = example(tmp_path, 0, "A battery that is low while it charges is no fault")
     low, low_and = status("Battery", Charge="15"), status("Battery", Charge="9")
     charging, idle = status("Charger", State="Charging"), status("Charger", State="idle")
 
@@ -51,7 +51,7 @@ def test_battery_low_while_charging(tmp_path):
 
 
 def test_docked_and_discharging(tmp_path):
-    driver = example(tmp_path, 1, "Docked and discharging is a fault")
+    driver = example(tmp_path, 1, "A battery that discharges in the dock is a fault")
     discharging, charging = status("Battery", Current="-2"), status("Battery", Current="4")
     docked, away = status("Dock", Docked="True"), status("Dock", Docked="False")
 
