@@ -61,6 +61,7 @@ class RobotReports:
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
         self._dependencies: dependencies.Dependencies = {}
+        self._measured: frozenset[ComponentName] = frozenset()  # by queries, if any depends on any
         self._received: set[Component] | None = None  # since its return, where that matters
         self._first: set[Component] = set()  # of these, with the report under way
         self._up_since = 0.0  # monotonic
@@ -319,6 +320,8 @@ class RobotReports:
     def _follow_dependencies(self) -> None:
         """Have those reported that depend on others than before."""
         former, self._dependencies = self._dependencies, dependencies.find(self._names)
+        measured = (name for each, name in self._names.items() if each.feed is not None)
+        self._measured = frozenset(measured if self._dependencies else ())
         for component in former.keys() | self._dependencies.keys():
             differs = former.get(component) != self._dependencies.get(component)
             if differs and component in self._names:
@@ -370,8 +373,7 @@ class RobotReports:
             planned = planned or component.feed.planned_stale
         confirm_after = profile.confirm_after if own is None else own
         depends_on = self._dependencies.get(component, frozenset())
-        measured = (name for each, name in self._names.items() if each.feed is not None)
-        if depends_on and not depends_on.isdisjoint(measured):
+        if depends_on and not self._measured.isdisjoint(depends_on):
             confirm_after += UPLINK_TIME
         return ComponentSettings(
             confirm_after,
