@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, r
 from ros_diagnostics_exporter.web.runbooks import alert_of
 from ros_diagnostics_exporter.web.search import MAX_FOUND
 from support.committed_dashboards import BOARDS, ROOT
+from support.shipped_rules import CENTRE_RULE_FILES, RULE_FILES, read_yaml
 from support.web_server import (
     ask,
     broken,
@@ -194,6 +195,20 @@ def test_the_links_of_all_runbooks_lead_to_runbooks(serve):
         path = f"/runbooks/{page.stem}"
         links = [a["href"] for tag, a in read(ask(server, path).text).tags if tag == "a"]
         assert {ask(server, urljoin(path, link)).status for link in links} == {200}
+
+
+def test_each_shipped_alert_has_a_runbook_below_its_name(serve):
+    server = serve()
+    rules = [
+        rule
+        for file in (*RULE_FILES, *CENTRE_RULE_FILES)
+        for group in read_yaml(file)["groups"]
+        for rule in group["rules"]
+    ]
+    names = {rule["alert"] for rule in rules if "alert" in rule}
+
+    assert len(names) > 30
+    assert [each for each in names if ask(server, f"/runbooks/{each}.html").status != 200] == []
 
 
 def test_an_alert_without_a_runbook_is_404(serve):

@@ -1,0 +1,89 @@
+"""`packaging/release` where the image cannot be built: it says so, and all else is there.
+
+What takes minutes is a fake: the Debian package, hatchling, the SBOM.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter import __version__
+from testbed.configuration import CHECKOUT
+
+BUILD_DEB = """#!/bin/sh
+set -eu
+site=$(mktemp -d)
+mkdir -p "$site/DEBIAN" "$site/usr/share/doc/ros-diagnostics-exporter/html"
+echo page >"$site/usr/share/doc/ros-diagnostics-exporter/html/index.html"
+cat >"$site/DEBIAN/control" <<END
+Package: fake
+Version: VERSION
+Architecture: all
+Maintainer: nobody
+Description: a package
+END
+dpkg-deb --root-owner-group --build "$site" "$1" >/dev/null
+rm -r "$site"
+"""
+PROGRAMS = {
+    "hatchling": "exit 0",
+    "cyclonedx-py": 'while [ "$1" != --output-file ]; do shift; done; echo "{}" >"$2"',
+    "podman": 'echo "registry: no such host" >&2; exit 125',
+}
+BUILT = (
+    "CHANGES-V.md",
+    "SHA256SUMS",
+    "ros-diagnostics-dashboards-V.tar.gz",
+    "ros-diagnostics-exporter-V.cdx.json",
+    "ros-diagnostics-exporter-V.tgz",
+    "ros-diagnostics-mixin-V.tar.gz",
+    "ros-diagnostics-site-V.tar.gz",
+)
+
+pytestmark = pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="needs dpkg-deb")
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """A clone of what is committed, with this script, and a package that is built at once."""
+    folder = tmp_path / "source"
+    subprocess.run(["git", "clone", "--quiet", CHECKOUT, folder], check=True)
+    shutil.copy(CHECKOUT / "packaging" / "release", folder / "packaging" / "release")
+    deb = folder / "packaging" / "build-deb"
+    deb.write_text(BUILD_DEB.replace("VERSION", __version__))
+    who = ["-c", "user.name=n", "-c", "user.email=n@localhost"]
+    subprocess.run(
+        ["git", *who, "commit", "--quiet", "--no-verify", "-am", "fake"], cwd=folder, check=True
+    )
+    return folder
+
+
+def release(source: Path) -> subprocess.CompletedProcess[str]:
+    programs = source.parent / "bin"
+    programs.mkdir()
+    for name, text in PROGRAMS.items():
+        (programs / name).write_text(f"#!/bin/sh\n{text}\n")
+        (programs / name).chmod(0o755)
+    return subprocess.run(
+        [source / "packaging" / "release", source / "dist"],
+        env=os.environ | {"PATH": f"{programs}:{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_an_image_that_cannot_be_built_is_named_and_stops_nothing_else(source: Path):
+    done = release(source)
+
+    assert done.returncode == 1, done.stderr
+    assert "registry: no such host" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("the image is missing, all else is in ")
+    names = {each.name.replace(__version__, "V") for each in (source / "dist").iterdir()}
+    assert names >= set(BUILT)
+    assert not [name for name in names if name.endswith(".oci.tar")]
