@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter import __version__
+from support.newcomer import IGNORED
 from testbed.configuration import CHECKOUT
 
 BUILD_DEB = """#!/bin/sh
@@ -50,16 +51,13 @@ pytestmark = pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="needs 
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """A clone of what is committed, with this script, and a package that is built at once."""
+    """A repository of what is here, with a package that is built at once."""
     folder = tmp_path / "source"
-    subprocess.run(["git", "clone", "--quiet", CHECKOUT, folder], check=True)
-    shutil.copy(CHECKOUT / "packaging" / "release", folder / "packaging" / "release")
-    deb = folder / "packaging" / "build-deb"
-    deb.write_text(BUILD_DEB.replace("VERSION", __version__))
-    who = ["-c", "user.name=n", "-c", "user.email=n@localhost"]
-    subprocess.run(
-        ["git", *who, "commit", "--quiet", "--no-verify", "-am", "fake"], cwd=folder, check=True
-    )
+    shutil.copytree(CHECKOUT, folder, ignore=IGNORED, symlinks=True)
+    (folder / "packaging" / "build-deb").write_text(BUILD_DEB.replace("VERSION", __version__))
+    git = ["git", "-c", "user.name=n", "-c", "user.email=n@localhost"]
+    for command in ("init --quiet", "add --all", "commit --quiet --no-verify --message all"):
+        subprocess.run([*git, *command.split()], cwd=folder, check=True)
     return folder
 
 
