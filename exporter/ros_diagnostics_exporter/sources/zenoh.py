@@ -21,6 +21,7 @@ from __future__ import annotations
 import json
 import logging
 import re
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -118,7 +119,9 @@ log = logging.getLogger(__name__)
 
 SMALL_DEPTH = 200  # messages of a small topic that wait between two looks
 RETRY = 2.0  # seconds between two attempts to reach a router
-MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
+# Publishers, and bridges and nodes, that are known at once: a router may be shared with anybody.
+# Each publisher takes memory and a part of each look. A robot has up to ten that are asked for.
+MAX_PUBLISHERS, MAX_CONNECTED = 20_000, 100_000
 ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once more may be kept
 # Of the time at most this share is spent on looks: where tokens are many they are further apart
 # than ``poll_interval``, up to five times as far.
@@ -149,9 +152,10 @@ class ZenohNetwork(Reception):
         super().__init__(ZENOH, receiver, count, poll_interval, settings)
         self._session: Any = None
         self._watched: list[Any] = []  # subscriptions to tokens
-        self._tokens: dict[str, Token] = {}
+        self._tokens: dict[str, Token] = {}  # of publishers
+        self._connected: dict[int, str] = {}  # hash of a bridge's or node's token -> its connection
         self._connections: dict[str, str] = {}  # wanted topic -> that of its last publisher
-        self._too_many = False  # tokens: some are there that are not noted
+        self._too_many = ""  # which tokens are there that are not noted
         self._again_at = 0.0  # when all tokens may be asked for again, monotonic
         self._other_types: dict[str, tuple[str, ...]] = {}  # by topics without DiagnosticArray
         self._asked = frozenset[str]()  # ends of the names of small topics
@@ -219,12 +223,20 @@ class ZenohNetwork(Reception):
         key = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.DELETE:
             self._tokens.pop(key, None)
-        elif len(self._tokens) < MAX_TOKENS:
-            token = parse(key)
-            if token is not None:
+            self._connected.pop(hash(key), None)
+            return
+        token = parse(key)
+        if token is None:
+            return
+        if token.topic:
+            if len(self._tokens) < MAX_PUBLISHERS:
                 self._tokens[key] = token
+            else:
+                self._too_many = f"publishers beyond {MAX_PUBLISHERS}"
+        elif len(self._connected) < MAX_CONNECTED:
+            self._connected[hash(key)] = sys.intern(token.connection)
         else:
-            self._too_many = True
+            self._too_many = f"bridges and nodes beyond {MAX_CONNECTED}"
 
     @override
     def look(self) -> Iterator[None]:
@@ -234,7 +246,7 @@ class ZenohNetwork(Reception):
         self._follow_asked(now)
         wanted = self.receiver.wanted_topics(ZENOH)
         tokens = list(self._tokens.values())
-        publishers = [each for each in tokens if each.topic and not each.other_type]
+        publishers = [each for each in tokens if not each.other_type]
         yield
         finders = self.receiver.finders(ZENOH)
         offers = self._offers(tokens, finders)
@@ -275,12 +287,11 @@ class ZenohNetwork(Reception):
         again = asked != self._asked
         self._asked = asked
         if self._too_many:
-            text = (
-                "%s%s: publishers beyond %d are not noted; a robot or another program has too many"
-            )
-            self.log_seldom("", "tokens", text, MAX_TOKENS)
-            if len(self._tokens) < MAX_TOKENS and now.mono >= self._again_at:
-                self._too_many, self._again_at, again = False, now.mono + ASK_AGAIN, True
+            text = "%s%s: %s are not noted; a robot or another program has too many"
+            self.log_seldom("", "tokens", text, self._too_many)
+            has_room = len(self._tokens) < MAX_PUBLISHERS and len(self._connected) < MAX_CONNECTED
+            if has_room and now.mono >= self._again_at:
+                self._too_many, self._again_at, again = "", now.mono + ASK_AGAIN, True
         if again:
             self._watch_tokens()
 
@@ -298,7 +309,7 @@ class ZenohNetwork(Reception):
         self, tokens: list[Token], publishers: list[Token], wanted: Mapping[str, bool]
     ) -> dict[str, Endpoint]:
         """What the tokens show of each topic."""
-        connections = {each.connection for each in tokens}
+        connections = {*self._connected.copy().values(), *(each.connection for each in tokens)}
         last = {each.topic: each.connection for each in publishers if each.topic in wanted}
         known = {name: of for name, of in self._connections.items() if name in wanted}
         self._connections = known | last

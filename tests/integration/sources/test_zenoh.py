@@ -144,7 +144,7 @@ def test_in_mode_peer_the_exporter_connects_to_each_bridge(free_port, run_export
 def test_a_robot_beyond_the_limit_of_tokens_is_found_once_others_have_gone(
     router, bridge, run_exporter, monkeypatch
 ):
-    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 3)
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_PUBLISHERS", 3)
     crowd = Bridge(router.locator)
     for number in range(3):
         crowd.offer(f"/other/r{number}/diagnostics")

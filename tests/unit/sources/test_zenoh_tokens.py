@@ -31,7 +31,7 @@ def network() -> ZenohNetwork:
 
 
 def test_tokens_beyond_the_limit_are_not_noted_and_the_log_says_so(network, monkeypatch, caplog):
-    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 2)
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_PUBLISHERS", 2)
     for number in range(3):
         network._note(sample(number, zenoh.SampleKind.PUT))
     list(network.look())
@@ -41,8 +41,21 @@ def test_tokens_beyond_the_limit_are_not_noted_and_the_log_says_so(network, monk
     assert "publishers beyond 2 are not noted" in caplog.text
 
 
+def test_bridges_beyond_the_limit_take_no_room_of_publishers(network, monkeypatch, caplog):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_CONNECTED", 1)
+    for number in range(2):
+        key = f"@/{number}/@ros2_lv"
+        network._note(SimpleNamespace(key_expr=key, kind=zenoh.SampleKind.PUT))
+    network._note(sample(0, zenoh.SampleKind.PUT))
+    list(network.look())
+
+    _domain, topics, _now = network.receiver.update_graph.call_args.args
+    assert set(topics) == {"/r0/diagnostics"}
+    assert "bridges and nodes beyond 1 are not noted" in caplog.text
+
+
 def test_tokens_that_were_too_many_are_asked_for_again_once_there_is_room(network, monkeypatch):
-    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 2)
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_PUBLISHERS", 2)
     network._session = Mock()
     asked = network._session.liveliness.return_value.declare_subscriber
     for number in range(3):
