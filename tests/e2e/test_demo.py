@@ -53,7 +53,7 @@ def test_problems_and_recoveries_are_mailed_and_the_demo_exits_0(start_demo, tmp
 
     assert demo.exit_code == 0, demo.output()
     for line in (
-        "for Motor 2 of robot_3, /scan topic status (turtlebot4_diagnostics) of turtlebot_1",
+        "mail: Motor 2 of robot_3, /scan topic status (turtlebot4_diagnostics) of turtlebot_1",
         "virtual robots: robot_3 Motor 2 fails",
         "exporter: robot_3 Motor 2 is ERROR",
         "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 is active",
