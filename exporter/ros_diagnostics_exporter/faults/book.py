@@ -32,6 +32,7 @@ TimerKind = Literal[
     "confirm",
     "fleet",
     "returned",
+    "booted",
     "presence",
     "flaps",
     "trends",
@@ -188,8 +189,9 @@ class Book:
         if not as_part and problem.explained_until > clock:
             clock = problem.explained_until
         if component is not None:
-            if component.boots_until > clock + confirm_after:
-                return component.boots_until
+            boots = problem if problem.identity.scope is Scope.VALUE else component
+            if boots.boots_until > clock + confirm_after:
+                return boots.boots_until
             if component.settings.measured:
                 clock = max(clock, component.robot.returned_until)  # it was not reached before
             return clock + confirm_after

@@ -30,7 +30,8 @@ def count_component(book: Book, component: ComponentRecord, now: Instant) -> Non
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
     it is measured, until its robot's uplink explains it, or a component that it depends on.
     """
-    is_error = component.level is Level.ERROR and component.is_failing
+    is_booting = component.is_booting(now)
+    is_error = component.level is Level.ERROR and component.is_failing and not is_booting
     lasts = component.counted and component.level not in (Level.OK, Level.WARN)
     if not (is_error or component.counted):
         return
@@ -117,7 +118,7 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         cause.active = None
         book.write(cause)
     if cause.active is not None or cause.problems:
-        _judge(book, cause, Verdict.FAILING if 2 * fresh >= needed else Verdict.NO_DATA)
+        _judge(book, cause, Verdict.FAILING if 2 * fresh >= needed else Verdict.NO_DATA, now)
     if cause.robot is None:
         drop_usual(book, cause)
 
@@ -146,11 +147,11 @@ def robots_of(book: Book, scope: Scope, name: str) -> list[RobotRecord]:
     return [each for each in book.robots.values() if site in (None, each.settings.site)]
 
 
-def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
+def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
     """Pass the verdict on to the cause's problems, made where there are none yet."""
     if cause.scope is Scope.SITE and verdict is Verdict.FAILING:
         verdict = Verdict.ABSENT
-    for severity, applies in _severities(cause).items():
+    for severity, applies in _severities(cause, now).items():
         problem = cause.problems.get(severity)
         if problem is None and applies is Verdict.FAILING and cause.active is not None:
             problem = Problem(
@@ -166,7 +167,7 @@ def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
         book.give_verdict(problem, new)
 
 
-def _severities(cause: Cause) -> dict[str, Verdict]:
+def _severities(cause: Cause, now: Instant) -> dict[str, Verdict]:
     """Which problems a cause is, and whether each of them applies.
 
     Many components are as severe as the worst of them; the milder goes on under the worse.
@@ -175,9 +176,9 @@ def _severities(cause: Cause) -> dict[str, Verdict]:
         return {"": Verdict.FAILING}
     if cause.adopted:
         return dict.fromkeys(cause.problems, Verdict.NO_DATA)
-    states = [each.problems.get(State.CRITICAL) for each in cause.robot.components.values()]
-    lasting = [problem for problem in states if problem is not None and problem.lasts]
-    if any(problem.effect.counts for problem in lasting):
+    found = {each: each.problems.get(State.CRITICAL) for each in cause.robot.components.values()}
+    lasting = {each: problem for each, problem in found.items() if problem and problem.lasts}
+    if any(each.effect.counts and not of.is_booting(now) for of, each in lasting.items()):
         return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
     known = Verdict.NO_DATA if lasting else Verdict.HEALTHY
     return {"critical": known, "warning": Verdict.FAILING}
@@ -189,7 +190,7 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     if robot is None:
         return len(cause.counted), len(cause.fresh)
     lasting = [each for each in robot.components.values() if each.since is not None]
-    unplanned = [each for each in lasting if not (each.is_planned_stale or each.in_downtime)]
+    unplanned = [each for each in lasting if not _is_expected(each, now)]
     # What is planned begins no fault, and ends none.
     left = len(lasting if cause.is_fault else unplanned)
     fresh = [each for each in unplanned if each.level is not Level.OK]
@@ -197,6 +198,11 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     if nothing_known or 2 * len(fresh) < needed:
         return left, 0
     return left, sum(not _is_explained(book, each, _BY_OTHERS, now) for each in fresh)
+
+
+def _is_expected(component: ComponentRecord, now: Instant) -> bool:
+    """Whether a person planned its trouble, or it has time to boot."""
+    return component.is_planned_stale or component.in_downtime or component.is_booting(now)
 
 
 def _needed(book: Book, cause: Cause) -> int:

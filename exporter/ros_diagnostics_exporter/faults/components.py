@@ -96,10 +96,10 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
         _note_change(book, component, report.level, now)
     _judge_intermittent(book, component, now)
     if report.level is Level.OK:
-        component.since = None
+        component.since, component.boots_until = None, -inf
     elif component.since is None and not planned:
         component.since = now
-    if report.is_first and report.level is not Level.OK:
+    if report.is_first and report.level is not Level.OK and not robot.is_restarted:
         component.boots_until = robot.booted_until
     _judge_level(book, component, now)
     causes.count_component(book, component, now)
@@ -285,9 +285,10 @@ def report_value(
         if problem is None and verdict is Verdict.FAILING:
             component = component or book.add_component(ComponentRecord(robot, name, settings))
             problem = _add_value(book, component, report, threshold, now)
-            if report.is_first:
-                component.boots_until = robot.booted_until
         if problem is not None:
+            if report.is_first and not robot.is_restarted:
+                problem.boots_until = robot.booted_until
+                book.write(problem)
             book.give_verdict(problem, verdict)
     if name in robot.components:
         robot.components[name].settings = settings

@@ -66,6 +66,7 @@ _ACTIONS: Mapping[TimerKind, Action] = {
     "fleet": lambda book, _, now: capabilities.update_fleet(book, now),
     "hours": lambda book, _, now: judge.follow_hours(book, now),
     "presence": presence.decay,
+    "booted": presence.count_anew,
     "returned": lambda book, robot, _now: presence.touch_all(book, robot),
     "settled": lambda book, _, now: presence.settle(book, now),
     "trends": trends.sample,
@@ -106,6 +107,7 @@ class Faults:
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)
+                robot.is_restarted = True
         return judge.settle(book, now)
 
     def settled(self, now: Instant) -> bool:

@@ -30,7 +30,7 @@ def fall_silent(
     if robot.presence is Presence.SILENT:
         book.write(problem)
         return
-    robot.history_before = None
+    robot.history_before, robot.is_restarted = None, False
     if robot.up and counts and not robot.maintenance:
         _note_absence(book, robot, now)
     problem.clock = now.mono
@@ -63,8 +63,11 @@ def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
     _note_return(book, robot, now)
     robot.presence = Presence.UP
     robot.returned_until = now.mono + robot.settings.confirm_after
-    robot.booted_until = now.mono + robot.settings.boot_grace
+    robot.is_restarted = robot.is_restarted and now.mono < book.grace_until
+    if not robot.is_restarted:
+        robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
+    book.timers.set(("booted", robot), robot.booted_until)
     for state in (State.SILENT, State.PENDING):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.HEALTHY)
@@ -76,7 +79,7 @@ def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
 def set_maintenance(book: Book, robot: RobotRecord, now: Instant, *, planned: bool) -> None:
     """Begin or end the planned downtime of a robot."""
     robot.maintenance = planned
-    _count_anew(book, robot, now)
+    count_anew(book, robot, now)
 
 
 def cut_off(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> None:
@@ -88,11 +91,11 @@ def cut_off(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> Non
         until = now.mono + min(now.mono - since, TIME_TO_RETURN)
         for problem in robot.all_problems():
             book.explain_until(problem.subject, until)
-    _count_anew(book, robot, now)
+    count_anew(book, robot, now)
 
 
-def _count_anew(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Judge all about a robot, and all that it explains, after what was planned changed."""
+def count_anew(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Judge all about a robot, and all that it explains: what is planned changed, or it is up."""
     for component in robot.components.values():
         causes.count_component(book, component, now)
     _note_presence(book, robot, now)
@@ -104,7 +107,7 @@ def maintain_components(
 ) -> None:
     """Begin or end the planned downtimes of some components."""
     robot.maintained = names
-    _count_anew(book, robot, now)
+    count_anew(book, robot, now)
 
 
 def settle(book: Book, now: Instant) -> None:

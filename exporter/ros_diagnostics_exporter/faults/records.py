@@ -145,6 +145,7 @@ class Problem(Subject):
     restored: bool = False
     waits_since: float | None = None
     by_setting: bool = False
+    boots_until: float = -inf  # of a value that was so from its component's first message
     clock: float = field(init=False)
     row: RowKey = field(init=False)
 
@@ -223,7 +224,7 @@ class ComponentRecord(Subject):
     values: dict[ValueKey, Problem] = field(default_factory=dict)
     flaps: FlapHistory | None = None
     counted: bool = False
-    boots_until: float = -inf  # what was so from its robot's first message begins no sooner
+    boots_until: float = -inf  # its level was so from the first message: it begins no sooner
     # (since, flap ratio) when a change of them was last noted
     noted: tuple[Instant | None, float | None] | None = None
     row: RowKey = field(init=False)
@@ -247,6 +248,10 @@ class ComponentRecord(Subject):
         """Whether it is in trouble now, freshly known, and nobody planned that."""
         planned = self.is_planned_stale or self.in_downtime
         return self.level is not Level.OK and self.since is not None and not planned
+
+    def is_booting(self, now: Instant) -> bool:
+        """Whether its level was so from the first message of its robot, which boots."""
+        return now.mono < self.boots_until
 
     @property
     def is_intermittent(self) -> bool:
@@ -315,6 +320,7 @@ class RobotRecord(Subject):
     maintained: frozenset[str] = frozenset()
     returned_until: float = -inf
     booted_until: float = -inf  # for its boot_grace after it came back
+    is_restarted: bool = False  # the exporter went and came back, and not the robot
     history_before: FlapHistory | None = None  # before it fell silent, if that counts
     cut_off_since: float | None = None  # not written: reported anew after a start
     has_dependencies: bool = False  # a component of it depends, or did, on another

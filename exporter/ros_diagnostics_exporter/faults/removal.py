@@ -23,7 +23,7 @@ def remove_robot(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     book.touched_robots.pop(robot, None)
     for capability in robot.capabilities.values():
         book.write(capability)
-    for kind in ("returned", "presence", "trends"):
+    for kind in ("returned", "booted", "presence", "trends"):
         book.timers.clear((kind, robot))
     book.write(robot.many)
     book.write(robot)
@@ -81,7 +81,7 @@ def _renamed(old: Problem, component: ComponentRecord) -> Problem:
     identity = old.identity._replace(group=group, component=name)
     problem = Problem(identity, old.since, robot=old.robot, component=component)
     problem.clock, problem.verdict = old.clock, old.verdict
-    problem.restored = old.restored
+    problem.restored, problem.boots_until = old.restored, old.boots_until
     problem.fault = None if old.fault is None else replace(old.fault, identity=identity)
     return problem
 

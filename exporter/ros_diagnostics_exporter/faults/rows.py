@@ -258,6 +258,8 @@ def _bound(book: Book, now: Instant) -> None:
         for component in robot.components.values():
             component.since = _not_after(component.since, now)
             component.boots_until = min(component.boots_until, robot.booted_until)
+            for value in component.values.values():
+                value.boots_until = min(value.boots_until, robot.booted_until)
             _bound_subject(component, now)
             _bound_history(component.flaps, now)
         for capability in robot.capabilities.values():
@@ -321,6 +323,7 @@ def _set_timers(book: Book) -> None:
 def _set_timers_of(book: Book, robot: RobotRecord) -> None:
     if robot.returned_until > -inf:
         book.timers.set(("returned", robot), robot.returned_until)
+        book.timers.set(("booted", robot), robot.booted_until)
     if robot.history is not None and robot.history.ratio > 0.0:
         due = robot.history.last + robot.settings.presence_interval
         book.timers.set(("presence", robot), due)

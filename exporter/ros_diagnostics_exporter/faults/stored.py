@@ -180,6 +180,7 @@ ROBOT: Table = {
     ),
     "returned_until": _MONO,
     "booted_until": _MONO,
+    "is_restarted": Kind(bool, default=False),
     "history_before": _HISTORY,
     "total": Kind(Annotated[int, Field(ge=0)]),
     "counted": Kind(bool),
@@ -226,6 +227,8 @@ PROBLEM: Table = {
     "verdict": _enum(Verdict, Number),
     "fault": _record("fault", _FAULT),
     "waits_since": _MONO_OR_NONE,
+    "by_setting": Kind(bool, default=False),
+    "boots_until": _MONO,
     **_EXPLAINED,
 }
 END: Table = {

@@ -387,13 +387,17 @@ class RobotReports:
     def _note_first(self, changed: Iterable[Component]) -> None:
         """Note which components were not received since the robot came back, before now.
 
-        Only where trouble that is there from then on has a boot_grace.
+        Only where trouble that is there from then on has a boot_grace. One whose trouble is not
+        judged yet, as its condition is not known, is not received yet.
         """
         self._first = set()
         if self._received is not None:
-            received = self._names if self._everything else changed
-            self._first = {each for each in received if not each.is_stale} - self._received
-            self._received |= self._first
+            self._first = set(self._names if self._everything else changed) - self._received
+            self._received |= {each for each in self._first if self._is_judged(each)}
+
+    def _is_judged(self, component: Component) -> bool:
+        is_suppressed = self._find_suppression(component) is not None
+        return component.level == Level.OK or not (component.is_stale or is_suppressed)
 
     # -- values and checks -------------------------------------------------------------------
 

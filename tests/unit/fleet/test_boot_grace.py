@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
+import pytest
+
+from ros_diagnostics_exporter.config.conditions import Condition
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Fleet,
+    Profile,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.regex import Pattern
-from support.state_driver import ERROR, OK, SETTLED, StateDriver
+from support.state_driver import ERROR, OK, SETTLED, STALE, WARN, StateDriver, tree
 
 CRITICAL = ("component", "critical", "r", "Lidar")
+LOW = ValueRule(key=Pattern("charge"), thresholds=(Threshold("low", "critical", 10.0),))
+TOO_LOW = ("value", "critical", "r", "Battery", "charge", "low")
 
 
 def booted(*statuses: Status, **profile) -> StateDriver:
@@ -41,10 +54,131 @@ def test_what_was_ok_and_then_fails_has_no_grace():
 
 
 def test_a_value_that_is_low_from_the_first_message_on_has_it_too():
-    rule = ValueRule(key=Pattern("charge"), thresholds=(Threshold("low", "critical", 10.0),))
-    low = Status(OK, "Battery", values=(("charge", "5"),))
-    driver = booted(low, values=(rule,))
+    low = battery("5")
+    driver = booted(low, values=(LOW,))
     driver.raw_every(1, SETTLED + 170, low)
-    assert ("value", "critical", "r", "Battery", "charge", "low") not in driver.fault_names()
+    assert TOO_LOW not in driver.fault_names()
     driver.raw_every(1, SETTLED + 190, low)
-    assert ("value", "critical", "r", "Battery", "charge", "low") in driver.fault_names()
+    assert TOO_LOW in driver.fault_names()
+
+
+def battery(charge: str, level: int = OK) -> Status:
+    return Status(level, "Battery", values=(("charge", charge),))
+
+
+def test_a_value_that_was_low_before_the_silence_has_it_too():
+    driver = StateDriver(boot_grace=120.0, values=(LOW,))
+    driver.raw_every(1, SETTLED, battery("50"))
+    driver.raw_every(1, SETTLED + 3, battery("5"))
+    driver.at(SETTLED + 60)
+    driver.raw_every(1, SETTLED + 170, battery("5"))
+    assert driver.fault_names() == set()
+    driver.raw_every(1, SETTLED + 190, battery("5"))
+    assert driver.fault_names() == {TOO_LOW}
+
+
+def test_a_value_that_is_well_first_has_none_whatever_the_level():
+    driver = booted(battery("50", WARN), values=(LOW,))
+    driver.raw_every(1, SETTLED + 80, battery("5", WARN))
+    assert driver.fault_names() == {TOO_LOW}
+
+
+def test_what_was_ok_in_between_has_no_grace():
+    driver = booted(Status(ERROR, "Lidar"))
+    driver.raw_every(1, SETTLED + 65, Status(OK, "Lidar"))
+    driver.raw_every(1, SETTLED + 80, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == {CRITICAL}
+
+
+def test_it_goes_on_where_a_condition_is_not_known_with_the_first_message():
+    mode = Status(OK, "Mode", values=(("mode", "auto"),))
+    when = Condition(component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("auto"),))
+    rule = ComponentRule(pattern=Pattern("Lidar"), when=(when,))
+    driver = StateDriver(boot_grace=120.0, components=(rule,))
+    driver.raw_every(1, SETTLED, Status(OK, "Lidar"), mode)
+    driver.at(SETTLED + 60)
+    driver.raw_every(1, SETTLED + 63, Status(ERROR, "Lidar"))
+    driver.raw_every(1, SETTLED + 170, Status(ERROR, "Lidar"), mode)
+    assert driver.fault_names() == set()
+    driver.raw_every(1, SETTLED + 185, Status(ERROR, "Lidar"), mode)
+    assert driver.fault_names() == {CRITICAL}
+
+
+@pytest.mark.parametrize("source", [Source.RAW, Source.AGG])
+def test_what_is_stale_from_the_first_message_on_has_it_too(source):
+    """A driver that is not up yet publishes nothing, or its aggregator says STALE of it."""
+    motor, lidar = Status(OK, "Motor"), Status(OK, "Lidar")
+    driver = StateDriver(source, boot_grace=120.0)
+    stale = {("component", "stale", "r", *(["/Parts"] if source is Source.AGG else []), "Lidar")}
+
+    def go(until: float, *statuses: Status) -> None:
+        if source is Source.RAW:
+            driver.raw_every(1, until, *(each for each in statuses if each.level != STALE))
+        else:
+            driver.agg_every(1, until, *tree(Parts=statuses))
+
+    go(SETTLED, motor, lidar)
+    driver.at(SETTLED + 60)
+    go(SETTLED + 170, motor, lidar._replace(level=STALE))
+    assert driver.fault_names() == set()
+    go(SETTLED + 185, motor, lidar._replace(level=STALE))
+    assert driver.fault_names() == stale
+
+
+def test_many_components_of_a_robot_that_boots_are_no_fault():
+    parts = [Status(OK, f"part {number}") for number in range(20)]
+    broken = [each._replace(level=ERROR) for each in parts[:12]] + parts[12:]
+    driver = StateDriver(boot_grace=120.0)
+    driver.raw_every(1, SETTLED, *parts)
+    driver.at(SETTLED + 60)
+    driver.raw_every(1, SETTLED + 178, *broken)
+    assert driver.fault_names() == set()
+    driver.raw_every(1, SETTLED + 200, *broken)
+    assert driver.fault_names() == {("robot", "many", "r", "critical")}
+
+
+def test_many_robots_that_boot_together_have_no_common_fault():
+    names = [f"r{number}" for number in range(6)]
+    robots = (
+        Robot(
+            name,
+            topic_raw=f"/{name}/diagnostics",
+            source=Source.RAW,
+            profile=Profile(boot_grace=120.0),
+        )
+        for name in names
+    )
+    driver = StateDriver(fleet=Fleet("f", tuple(robots)))
+
+    def go(until: float, level: int) -> None:
+        while driver.now.mono < until:
+            for name in names:
+                driver._receive(f"/{name}/diagnostics", (Status(level, "Lidar"),), 0.0)
+            driver.at(driver.now.mono + 1)
+
+    go(SETTLED, OK)
+    driver.at(SETTLED + 60)
+    go(SETTLED + 178, ERROR)
+    assert driver.fault_names() == set()
+    go(SETTLED + 200, ERROR)
+    assert driver.fault_names() == {("common", "critical", "Lidar")}
+
+
+def test_a_restart_of_the_exporter_is_no_boot_of_the_robot(tmp_path):
+    driver = StateDriver(boot_grace=120.0)
+    driver.raw_every(1, SETTLED, Status(OK, "Lidar"))
+    driver.raw_every(1, SETTLED + 5, Status(ERROR, "Lidar"))
+    again = driver.again(tmp_path / "state")
+    again.raw_every(1, 15, Status(ERROR, "Lidar"))
+    assert again.fault_names() == {CRITICAL}
+
+
+def test_it_goes_on_after_a_restart_of_the_exporter(tmp_path):
+    statuses = Status(ERROR, "Lidar"), Status(OK, "Motor"), battery("5")
+    driver = booted(*statuses, values=(LOW,))
+    driver.raw_every(1, SETTLED + 80, *statuses)
+    again = driver.again(tmp_path / "state")  # 20 s of it are over, and 5 without an exporter
+    again.raw_every(1, 90, *statuses)
+    assert again.fault_names() == set()
+    again.raw_every(1, 100, *statuses)
+    assert again.fault_names() == {CRITICAL, TOO_LOW}
