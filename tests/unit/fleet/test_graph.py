@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
     Fleet,
     Profile,
     Robot,
@@ -16,6 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -117,6 +121,31 @@ def test_what_the_robot_itself_reports_as_stale_is_a_fault_also_while_messages_a
     driver.go_on(30 if was_late else 1, *USUAL)
     driver.go_on(30, *USUAL, statuses=(MOTOR, laser._replace(level=STALE)))
     assert set(driver.faults()) == {("Laser", "stale"), ("link", "critical")}
+
+
+@pytest.mark.parametrize("how", ["planned", "its `when` is not known", "messages are lost"])
+def test_what_is_not_received_after_an_error_does_not_hide_what_depends_on_it(how):
+    """A board that says ERROR for three seconds before it is off, and a lidar that then fails."""
+    mode = Status(OK, "Mode", values=(("mode", "auto"),))
+    is_auto = Condition(
+        component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("auto"),)
+    )
+    rules = {"planned": {"planned_stale": True}, "its `when` is not known": {"when": (is_auto,)}}
+    board_rule = ComponentRule(pattern=Pattern("Board"), **rules.get(how, {}))
+    lidar_rule = ComponentRule(pattern=Pattern("Lidar"), depends_on=(Pattern("Board"),))
+    used = fleet()
+    profile = replace(used.robots[0].profile, components=(board_rule, lidar_rule))
+    driver = Driver(fleet=replace(used, robots=(replace(used.robots[0], profile=profile),)))
+    board, lidar = Status(OK, "Board"), Status(OK, "Lidar")
+    driver.go_on(60, *USUAL, statuses=(MOTOR, mode, board, lidar))
+    if how == "messages are lost":
+        driver.link = LOSSY
+    driver.go_on(3, *USUAL, statuses=(MOTOR, mode, board._replace(level=ERROR), lidar))
+    driver.go_on(20, *USUAL, statuses=(MOTOR, lidar))
+    assert driver.level("Board") == STALE
+    driver.go_on(15, *USUAL, statuses=(MOTOR, lidar._replace(level=ERROR)))
+    assert ("Lidar", "critical") in driver.faults()
+    assert not [name for name, _state in driver.faults() if name == "Board"]
 
 
 def test_a_link_that_loses_messages_suppresses_nothing_in_shadow():
