@@ -184,3 +184,20 @@ def test_a_config_without_the_capability_has_its_parts_as_faults(driver, tmp_pat
     assert [(each.state, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
         ("lost", "removed")
     ]
+
+
+def test_what_fires_of_what_fleet_yml_no_longer_has_is_no_fault(tmp_path):
+    """Neither a process without its database nor one with it has a fault that nothing ends."""
+    (tmp_path / "without").mkdir()
+    before = started(tmp_path)
+    low = Status(OK, "Battery", "", "", (("Charge", "5"),))
+    publish(before, Status(ERROR, "Speaker"), Status(ERROR, "Motor 1"), low)
+    gone = {("drive", "lost"), ("charge", "lost")}
+    assert gone <= faults(before)
+    other = PROFILES.replace("profile: amr", "profile: default")
+    without = started(tmp_path / "without", other)
+    without.state.adopt(before.state.faults(), without.now)
+    assert not gone & faults(without)
+    again = before.again(tmp_path / "state", fleet=load(tmp_path / "without" / "fleet.yml"))
+    publish(again)
+    assert not gone & faults(again)
