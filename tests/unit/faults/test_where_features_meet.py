@@ -189,3 +189,11 @@ def test_components_that_depend_on_each_other_for_a_moment_are_judged():
         (5, level("motor", ERROR)),
         (10, None, "began component/critical r1 motor"),
     )
+
+
+def test_what_was_critical_by_the_config_alone_is_not_after_a_restart_and_a_reload():
+    play(
+        (0, level(UPPER, STALE, stale_is_critical=True)),
+        (5, level(UPPER, STALE)),
+        (10, None, "began component/stale r1 lidar upper"),
+    )
