@@ -1,7 +1,7 @@
 """A small fleet that uses every feature at once, and what holds of it whatever happens.
 
 The features meet at random: capabilities, dependencies, planned STALE, uplinks, sites, common
-causes, many components, downtimes of robots and of components, hours of warnings, silence,
+causes, many components, downtimes of robots and of components, hours of warnings, silence, boots,
 flapping, restarts at any moment and other settings. What was delivered is noted in `Truth`, which
 the checks know instead of the engine's state.
 """
@@ -28,12 +28,24 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
 from ros_diagnostics_exporter.model import Level
-from support.fault_histories import ERROR, OK, STALE, WARN, Event, Player, back, restart, silent
+from support.fault_histories import (
+    ERROR,
+    OK,
+    STALE,
+    WALL,
+    WARN,
+    Event,
+    Player,
+    back,
+    restart,
+    silent,
+)
 
 LEVELS = (OK, OK, WARN, ERROR, ERROR, STALE)
 ROBOTS = ("r1", "r2", "r3", "r4")
 UPLINK = "ap"
 CONFIRM = 10.0
+BOOT_GRACE = {"r3": 30.0, "r4": 60.0}  # of two robots; the others have none
 # A problem that nothing explains is a fault this long after it is due: see `suppression.latest`,
 # and once more for what an explanation that was never a fault leaves behind it.
 PATIENCE = 2 * 60.0 + CONFIRM
@@ -76,6 +88,7 @@ class Truth:
     level: Level = OK
     since: float = 0.0  # of this level, the robot received and out of downtime
     fresh: bool = False
+    boots: float = 0.0  # until then it begins no fault: its robot boots, and it was never OK since
 
 
 @dataclass
@@ -88,6 +101,8 @@ class World:
     second: float = 0.0
     began: list[Identity] = field(default_factory=list)
     grace: float = 0.0
+    booted: dict[str, float] = field(default_factory=dict)  # until when a robot boots
+    received: set[tuple[str, str]] = field(default_factory=set)  # since its robot came back
 
     def engine(self, *happened: Event) -> None:
         """Let time pass, then these; nothing that is broken may recover."""
@@ -96,25 +111,46 @@ class World:
             known = self.truth.get((identity.robot, identity.component))
             if what == "began":
                 self.began.append(identity)
+                assert not self._boots(identity, fault.confirmed - WALL), identity
             elif what == "recovered" and identity.scope is Scope.COMPONENT:
                 assert known is not None
                 assert known.fresh, identity
                 worse = {State.CRITICAL: (ERROR,), State.STALE: (ERROR, STALE)}
                 assert known.level not in worse.get(identity.state, (ERROR, WARN, STALE)), identity
 
+    def _boots(self, identity: Identity, at: float) -> bool:
+        """Whether what a fault is about has time, because its robot boots."""
+        if identity.scope is Scope.COMPONENT:
+            parts = [self.truth[identity.robot, identity.component]]
+        elif identity.state is State.MANY:
+            parts = [each for (robot, _), each in self.truth.items() if robot == identity.robot]
+        else:
+            return False
+        wrong = [each for each in parts if each.level is not OK]
+        return bool(wrong) and all(each.boots > at + 0.01 for each in wrong)
+
     def array(self, robot: str, reported: Mapping[str, Level]) -> None:
         """An array of a robot, if it is received."""
         if robot not in self.up:
             return
+        self.engine()  # what was due before it
         for name, level in reported.items():
             known = self.truth.setdefault((robot, name), Truth())
             if level != known.level or not known.fresh:
                 known.since = self.second
+            is_first = (robot, name) not in self.received
+            if level is OK:
+                known.boots = 0.0
+            elif is_first and robot in self.booted:
+                known.boots = self.booted[robot]
             known.level, known.fresh = level, True
         reports = [
-            ComponentReport(ComponentName("", name), level, COMPONENTS[name])
+            ComponentReport(
+                ComponentName("", name), level, COMPONENTS[name], (robot, name) not in self.received
+            )
             for name, level in reported.items()
         ]
+        self.received.update((robot, name) for name in reported)
         total = len(COMPONENTS)
         self.engine(lambda faults, now: faults.components_changed(robot, reports, total, now))
 
@@ -141,11 +177,15 @@ class World:
                 known.fresh = known.fresh and owner != robot
             self.engine(silent(robot))
 
-    def back(self, robot: str) -> None:
+    def back(self, robot: str, *, boots: bool = True) -> None:
         """A robot is received again, as it was."""
         if robot in self.up:
             return
         self.up.add(robot)
+        self.received = {each for each in self.received if each[0] != robot}
+        self.booted.pop(robot, None)
+        if boots and robot in BOOT_GRACE:
+            self.booted[robot] = self.second + BOOT_GRACE[robot]
         self.engine(back(robot))
         known = {name: self.truth.get((robot, name), Truth()).level for name in COMPONENTS}
         self.array(robot, known)
@@ -184,7 +224,7 @@ class World:
             known.fresh = False
         self.engine(back(UPLINK))
         for robot in up:
-            self.back(robot)
+            self.back(robot, boots=False)
 
     def fleet(self, how: FaultSettings) -> None:
         """Other settings of the whole fleet."""
@@ -232,7 +272,7 @@ class World:
 
 def _configured(robot: str) -> Event:
     labels = {"site": "hall"} if robot == UPLINK else {"site": "hall", "uplink": UPLINK}
-    how = RobotSettings(labels, CONFIRM)
+    how = RobotSettings(labels, CONFIRM, boot_grace=BOOT_GRACE.get(robot, 0.0))
     return lambda faults, now: faults.configure_robot(robot, how, now, declared=True)
 
 
