@@ -149,14 +149,23 @@ class Component:
         if self.raw_received is not None:
             self.raw_received += seconds
 
+    def skip_to(self, mono: float) -> None:
+        """Count towards `ends_at` from then on."""
+        if self._last_report > -inf:
+            self.skip(mono - self._last_report)
+
+    @property
+    def _last_report(self) -> float:
+        times = (self.received, self.raw_received)
+        return max((each for each in times if each is not None), default=-inf)
+
     @property
     def ends_at(self) -> float:
         """When trouble published only on a change is over; it waits while its robot is silent."""
         after = None if self.rule is None else self.rule.ends_after
-        times = [each for each in (self.received, self.raw_received) if each is not None]
-        if after is None or self.level == OK or not self.reports or not times:
+        if after is None or self.level == OK or not self.reports or self._last_report == -inf:
             return inf
-        return after + max(times)
+        return after + self._last_report
 
     @property
     def reports(self) -> bool:

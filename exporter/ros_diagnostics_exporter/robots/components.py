@@ -63,6 +63,7 @@ class Components:
     _taken: dict[str, dict[str, int]] = field(default_factory=dict)
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
     _is_received: bool = False  # its robot
+    _is_lossy: bool = False  # so are too many of its messages that say nothing
     _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
     _checked_at: int = -1  # the last change that `_checked` is made of
 
@@ -347,6 +348,20 @@ class Components:
                     self._set_level(component, level, now)
                 self.next_late = min(self.next_late, component.ends_at)
 
+    def follow_loss(self, now: Instant, *, lossy: bool) -> None:
+        """Have what is STALE judged again, as too many messages are lost or no longer are.
+
+        What is published only on a change may have been published again, and lost: its time to end
+        begins anew.
+        """
+        self._is_lossy = lossy
+        for component in self.by_identity.values():
+            if component.is_stale:
+                self.report_again(component)
+            if component.is_on_change and not lossy:
+                component.skip_to(now.mono)
+                self.next_late = min(self.next_late, component.ends_at)
+
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
         self._is_received = False
@@ -385,7 +400,7 @@ class Components:
     def _due(self, component: Component) -> float:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
-            return component.ends_at if self._is_received else inf
+            return component.ends_at if self._is_received and not self._is_lossy else inf
         if component.is_stale or component.received is None:
             return inf
         return component.received + self._stale_after(component)

@@ -394,13 +394,11 @@ class RobotState:
         if self.clock_offset is None:
             self.clock_behind = reading and reading.behind
 
-    def set_lossy(self, *, lossy: bool) -> None:
+    def set_lossy(self, now: Instant, *, lossy: bool) -> None:
         """Set whether so many messages are lost that what is STALE may be well."""
         if lossy != self.network.lossy:
             self.network.lossy = lossy
-            for component in self.components:
-                if component.is_stale:
-                    self.components.report_again(component)
+            self.components.follow_loss(now, lossy=lossy)
 
     @property
     def fails_as_uplink(self) -> bool:

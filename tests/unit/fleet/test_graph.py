@@ -148,6 +148,24 @@ def test_what_is_not_received_after_an_error_does_not_hide_what_depends_on_it(ho
     assert not [name for name, _state in driver.faults() if name == "Board"]
 
 
+def test_what_reports_only_changes_does_not_end_while_messages_are_lost():
+    """What its driver repeats may be lost; afterwards it has its time to be repeated."""
+    rule = ComponentRule(pattern=Pattern("Gripper"), reports="on_change", ends_after=60.0)
+    used = fleet()
+    profile = replace(used.robots[0].profile, components=(rule,))
+    driver = Driver(fleet=replace(used, robots=(replace(used.robots[0], profile=profile),)))
+    driver.go_on(20, *USUAL)
+    driver.go_on(1, *USUAL, statuses=(MOTOR, Status(ERROR, "Gripper")))
+    driver.go_on(20, *USUAL)
+    driver.link = LOSSY
+    driver.go_on(300, *USUAL)
+    driver.link = WELL
+    driver.go_on(50, *USUAL)
+    assert driver.faults() == [("Gripper", "critical")]
+    driver.go_on(15, *USUAL)
+    assert driver.faults() == []
+
+
 def test_a_link_that_loses_messages_suppresses_nothing_in_shadow():
     driver = Driver(fleet=fleet(mode="shadow"))
     driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
