@@ -67,13 +67,19 @@ def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
     if not robot.is_restarted:
         robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
-    book.timers.set(("booted", robot), robot.booted_until)
+    await_boot(book, robot, now)
     for state in (State.SILENT, State.PENDING):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.HEALTHY)
     for component in list(robot.components.values()):  # one that is at rest is dropped
         components.resume(book, component, now)
     _note_presence(book, robot, now)
+
+
+def await_boot(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Have all about a robot counted anew once its boot_grace is over, unless it is."""
+    if robot.booted_until > now.mono:
+        book.timers.set(("booted", robot), robot.booted_until)
 
 
 def set_maintenance(book: Book, robot: RobotRecord, now: Instant, *, planned: bool) -> None:

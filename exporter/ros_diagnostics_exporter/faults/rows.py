@@ -14,7 +14,14 @@ from math import inf
 from operator import attrgetter
 from typing import Any
 
-from ros_diagnostics_exporter.faults import capabilities, causes, components, judge, stored
+from ros_diagnostics_exporter.faults import (
+    capabilities,
+    causes,
+    components,
+    judge,
+    presence,
+    stored,
+)
 from ros_diagnostics_exporter.faults.book import CLOCK_TIME, TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
@@ -69,7 +76,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> list[Row]:
             dropped.append(row)
     _bound(book, now)
     _count(book, now)
-    _set_timers(book)
+    _set_timers(book, now)
     judge.set_hours_timer(book, now)
     book.changed.clear()
     book.touched.clear()
@@ -309,7 +316,7 @@ def _count(book: Book, now: Instant) -> None:
             causes.count_component(book, component, now)
 
 
-def _set_timers(book: Book) -> None:
+def _set_timers(book: Book, now: Instant) -> None:
     timers = book.timers
     if book.grace_until > -inf:
         timers.set(("settled", None), book.grace_until)
@@ -318,12 +325,12 @@ def _set_timers(book: Book) -> None:
             timers.set(("confirm", problem), book.due(problem))
     for robot in book.robots.values():
         _set_timers_of(book, robot)
+        presence.await_boot(book, robot, now)
 
 
 def _set_timers_of(book: Book, robot: RobotRecord) -> None:
     if robot.returned_until > -inf:
         book.timers.set(("returned", robot), robot.returned_until)
-        book.timers.set(("booted", robot), robot.booted_until)
     if robot.history is not None and robot.history.ratio > 0.0:
         due = robot.history.last + robot.settings.presence_interval
         book.timers.set(("presence", robot), due)
