@@ -76,6 +76,15 @@ def test_what_a_rosbridge_client_stores_is_judged(tmp_path):
     assert judged(tmp_path, path) == ([(30, 80)], 0, "")
 
 
+def test_a_level_that_ros_does_not_know_is_an_error_as_it_is_when_it_is_received(tmp_path):
+    """An aggregator of a maker: what was not started yet has level 255."""
+    path = tmp_path / "diagnostics.jsonl"
+    levels_at = [255 if 30 <= at < 80 else 0 for at in range(120)]
+    lines = [json.dumps(message(at, level)) for at, level in enumerate(levels_at)]
+    path.write_text("\n".join(lines))
+    assert judged(tmp_path, path) == ([(30, 80)], 0, "")
+
+
 @pytest.mark.timeout(60)
 def test_a_clock_that_was_set_while_it_was_recorded_is_named_and_not_waited_for(tmp_path, capsys):
     path, config = tmp_path / "diagnostics.json", tmp_path / "fleet.yml"
