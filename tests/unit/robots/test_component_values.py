@@ -116,3 +116,11 @@ def test_a_component_is_beyond_a_threshold_with_one_number():
         pairs = tuple(zip(("Temperature", "Voltage"), numbers, strict=True))
         driver.raw(Status(OK, "Motor", values=pairs))
         assert driver.component("Motor").values.beyond is beyond
+
+
+@pytest.mark.parametrize("text", ["9,5", "9.5 [%]", "9,5 %"])
+def test_a_number_that_drivers_write_otherwise_is_beyond_its_threshold(text):
+    rule = ValueRule(key=re.compile("Level"), thresholds=(Threshold("low", "critical", 15.0),))
+    driver = StateDriver(values=(rule,))
+    driver.stand(20, Status(OK, "Battery", "", "", (("Level", text),)))
+    assert driver.fault_names() == {("value", "critical", "r", "Battery", "Level", "low")}
