@@ -30,8 +30,8 @@ def count_component(book: Book, component: ComponentRecord, now: Instant) -> Non
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
     it is measured, until its robot's uplink explains it, or a component that it depends on.
     """
-    is_booting = component.is_booting(now)
-    is_error = component.level is Level.ERROR and component.is_failing and not is_booting
+    boots = now.mono < component.boots_until
+    is_error = component.level is Level.ERROR and not boots and component.is_failing
     lasts = component.counted and component.level not in (Level.OK, Level.WARN)
     if not (is_error or component.counted):
         return
@@ -178,7 +178,7 @@ def _severities(cause: Cause, now: Instant) -> dict[str, Verdict]:
         return dict.fromkeys(cause.problems, Verdict.NO_DATA)
     found = {each: each.problems.get(State.CRITICAL) for each in cause.robot.components.values()}
     lasting = {each: problem for each, problem in found.items() if problem and problem.lasts}
-    if any(each.effect.counts and not of.is_booting(now) for of, each in lasting.items()):
+    if any(each.effect.counts and now.mono >= of.boots_until for of, each in lasting.items()):
         return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
     known = Verdict.NO_DATA if lasting else Verdict.HEALTHY
     return {"critical": known, "warning": Verdict.FAILING}
@@ -202,7 +202,8 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
 
 def _is_expected(component: ComponentRecord, now: Instant) -> bool:
     """Whether a person planned its trouble, or it has time to boot."""
-    return component.is_planned_stale or component.in_downtime or component.is_booting(now)
+    boots = now.mono < component.boots_until
+    return boots or component.is_planned_stale or component.in_downtime
 
 
 def _needed(book: Book, cause: Cause) -> int:

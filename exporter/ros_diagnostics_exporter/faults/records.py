@@ -249,10 +249,6 @@ class ComponentRecord(Subject):
         planned = self.is_planned_stale or self.in_downtime
         return self.level is not Level.OK and self.since is not None and not planned
 
-    def is_booting(self, now: Instant) -> bool:
-        """Whether its level was so from the first message of its robot, which boots."""
-        return now.mono < self.boots_until
-
     @property
     def is_intermittent(self) -> bool:
         """Whether it is confirmed that it changes again and again."""
