@@ -86,9 +86,14 @@ def _is_no_function(frame: FrameType) -> bool:
 
 def _is_of_a_clock(frame: FrameType) -> bool:
     """What runs every so often, whatever is traced."""
-    caller = frame.f_back
-    by_uvicorn = caller is not None and caller.f_code.co_filename.endswith("uvicorn/server.py")
-    return by_uvicorn or threading.current_thread().name == "web-config"
+    if threading.current_thread().name == "web-config":
+        return True
+    above: FrameType | None = frame
+    while above is not None:
+        if above.f_code.co_filename.endswith("uvicorn/server.py"):
+            return True
+        above = above.f_back
+    return False
 
 
 def traces() -> dict[str, Calls]:
