@@ -37,6 +37,9 @@ SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # monitors that publish once a minute exist (Autoware).
 TIME_TO_PUBLISH = 90.0
 MAX_REPLACED = 10_000  # topics of replaced robots, so that these are tried again last
+# Robots that are discovered before something was received of them. Those of a large fleet publish
+# within a second or two and make room for the next ones, and invented ones do not.
+MOST_ANNOUNCED = 200
 
 
 class RobotRegistry:
@@ -254,10 +257,17 @@ class RobotRegistry:
         left = MAX_REJECTED
         for discovery in self._fleet.discoveries:
             for topic in any_type if discovery.source is config.Source.NONE else arrays:
+                if not left or self._must_wait(now):
+                    return
                 if topic not in self.bindings and not self._discover(discovery, topic, now):
                     left -= 1
-                if not left:
-                    return
+
+    def _must_wait(self, now: Instant) -> bool:
+        """Whether the next robots are found only once those before have published something."""
+        if len(self._not_publishing) < MOST_ANNOUNCED:
+            return False
+        first = next(iter(self._not_publishing.values()))
+        return now.mono - first.found_mono < TIME_TO_PUBLISH
 
     def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> bool:
         """Add a topic's robot where the config wants it; False where a limit rejects it."""
@@ -270,6 +280,8 @@ class RobotRegistry:
         if known is not None:
             self.rejections.reject_robot(topic, name, "duplicate_robot", now)
             return True
+        if len(self._not_publishing) >= MOST_ANNOUNCED:
+            self._replace_one(now, at_once=False)
         found = found_robot(discovery, name, topic.name, topic.domain_id)
         return self.add(found, now, declared=False) is not None
 

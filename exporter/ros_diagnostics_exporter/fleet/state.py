@@ -88,14 +88,11 @@ class FleetState(WatchedFleet):
                 self._receive_shared(topic, shared, array, now)
                 return
             for robot, raw in self._registry.bindings.get(topic, ()):
+                if not robot.up:
+                    self._registry.mark_publishing(robot)
                 if robot.accepts(now, raw=raw):
-                    self._receive(robot, array, now, raw=raw)
-
-    def _receive(self, robot: RobotState, array: Array, now: Instant, *, raw: bool) -> None:
-        if not robot.up:
-            self._registry.mark_publishing(robot)
-        robot.receive(array, now, raw=raw)
-        self._follow(robot, now)
+                    robot.receive(array, now, raw=raw)
+                    self._follow(robot, now)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -108,7 +105,9 @@ class FleetState(WatchedFleet):
             if robot is not None:
                 size = array.size * len(statuses) // max(1, len(array.statuses))
                 part = Array(array.stamp, tuple(statuses), size, number=array.number)
-                self._receive(robot, part, now, raw=shared.settings.raw)
+                self._registry.mark_publishing(robot)
+                robot.receive(part, now, raw=shared.settings.raw)
+                self._follow(robot, now)
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 

@@ -116,8 +116,24 @@ def test_robots_of_an_earlier_process_that_are_off_do_not_end_the_start(tmp_path
 def test_a_fleet_that_is_found_at_the_start_is_not_limited():
     driver = StateDriver(fleet=FLEET)
     found = {topic(f"r{number}").name: Endpoint(1) for number in range(1_000)}
-    driver.state.update_graph(0, found, driver.now)
-    assert len(driver.state.robots) == 1_000
+    for second in range(5):
+        driver.at(float(second))
+        driver.state.update_graph(0, found, driver.now)
+        assert len(driver.state.robots) == 200 * (second + 1)  # the next ones once these publish
+        for name in driver.state.robots:
+            driver.state.receive(topic(name), Array(0.0, (Status(OK, "Motor"),)), driver.now)
+    assert not any(driver.state.rejected.values())
+
+
+def test_robots_that_never_publish_are_few_at_once_and_take_turns(monkeypatch):
+    monkeypatch.setattr(registry, "MOST_ANNOUNCED", 3)
+    playing = Playing(seconds=20)
+    mute = tuple(f"mute_{number}" for number in range(7))
+    playing.play(20, 30, publishing=mute)
+    assert playing.invented() == ["mute_0", "mute_1", "mute_2"]
+    playing.play(30, 115, publishing=mute)
+    assert playing.invented() == ["mute_3", "mute_4", "mute_5"]
+    assert all(playing.driver.state.robots[name].up for name in TRUE)
 
 
 def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
