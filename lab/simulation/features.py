@@ -150,7 +150,8 @@ class World:
             )
             for name, level in reported.items()
         ]
-        self.received.update((robot, name) for name in reported)
+        # One that is STALE is not received yet, as in `RobotReports`.
+        self.received.update((robot, name) for name in reported if reported[name] is not STALE)
         total = len(COMPONENTS)
         self.engine(lambda faults, now: faults.components_changed(robot, reports, total, now))
 
