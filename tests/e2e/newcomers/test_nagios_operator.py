@@ -104,7 +104,7 @@ def test_the_first_fault_is_mailed_by_nagios(tmp_path: Path):
         bin_ = Path("/opt/ros-diagnostics-exporter/bin")
         person.starts_unit(bin_, person.home)
         person.starts("robots", f"exec {bin_}/virtual-robots --robots 1")
-        person.until_output(f"{bin_}/ros-diagnostics status", "1 OK")
+        person.until_output(f"{bin_}/ros-diagnostics status", "robot_1 is OK")
         (objects,) = blocks("docs/deployment.md", "## Nagios")
         has_nagios(person, objects.replace("http://exporter:9877", "http://localhost:9877"))
         status = "cat ~/nagios/status.dat"

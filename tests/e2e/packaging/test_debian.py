@@ -42,8 +42,8 @@ def machine(tmp_path: Path, debian_base: Path, debian_package: Path) -> Iterator
         options = "--quiet=2 --yes --no-install-recommends"
         debian.does(root, f"apt-get install {options} systemd-sysv procps")
         debian.does(root, f"apt-get satisfy {options} '{depends}'")
-        (root / "srv" / "packages").mkdir()
-        shutil.copy(debian_package, root / "srv" / "packages")
+        (root / "srv" / "packages" / "dist").mkdir(parents=True)  # as build-deb leaves it
+        shutil.copy(debian_package, root / "srv" / "packages" / "dist")
         shutil.copytree(CHECKOUT / "sim", root / "srv" / "sim")
         with debian.booted(root, tmp_path / "debian.log") as booted:
             yield booted
