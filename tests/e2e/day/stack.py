@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import time
 import urllib.request
@@ -21,6 +22,7 @@ from testbed.polling import until
 from testbed.site import Site
 
 INTERVAL = 2  # seconds, of scrapes, evaluations and groups
+BEGAN = re.compile(r" \d\d:\d\d UTC")  # in a text message
 
 
 class RejectingInbox(Inbox):
@@ -75,10 +77,13 @@ class Day:
         self.began = robots.log_path.stat().st_mtime + START
 
     def messages(self) -> list[tuple[float, str, str]]:
-        """What has arrived: second of the day, mail or SMS, and subject or first sentence."""
+        """What has arrived: second of the day, mail or SMS, and subject or first sentence.
+
+        Of a text message without the time at which the trouble began.
+        """
         mails = [(each.received - self.began, "mail", each.subject) for each in self.inbox.mails()]
         texts = [
-            (each.received - self.began, "SMS", each.text.partition(".")[0] + ".")
+            (each.received - self.began, "SMS", BEGAN.sub("", each.text.partition(".")[0]) + ".")
             for each in self.phone.texts()
         ]
         return sorted(mails + texts)
