@@ -244,6 +244,8 @@ class RobotRegistry:
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
         any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
         self._add_found(new, any_type, now)
+        if self._must_wait(now):
+            return  # topics of robots that are found next are somebody's
         # A topic beside the one that its robot was found by is that robot's.
         others = (each for each in new if not any(of in self.bindings for of in beside(each)))
         self.unclaimed.update(domain_id, others)

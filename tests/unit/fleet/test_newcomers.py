@@ -116,10 +116,12 @@ def test_robots_of_an_earlier_process_that_are_off_do_not_end_the_start(tmp_path
 def test_a_fleet_that_is_found_at_the_start_is_not_limited():
     driver = StateDriver(fleet=FLEET)
     found = {topic(f"r{number}").name: Endpoint(1) for number in range(1_000)}
+    found |= {f"{name}_agg": Endpoint(1) for name in found}
     for second in range(5):
         driver.at(float(second))
         driver.state.update_graph(0, found, driver.now)
         assert len(driver.state.robots) == 200 * (second + 1)  # the next ones once these publish
+        assert driver.state.unclaimed == []
         for name in driver.state.robots:
             driver.state.receive(topic(name), Array(0.0, (Status(OK, "Motor"),)), driver.now)
     assert not any(driver.state.rejected.values())
