@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentName, Reason
@@ -15,11 +15,12 @@ from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.missions import mission_samples
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.maintenance import PlannedBy
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.missions import Missions
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
-from ros_diagnostics_exporter.texts import escape
+from ros_diagnostics_exporter.texts import escape, one_line
 
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
@@ -181,10 +182,8 @@ class RobotText:
 
     def _render_rules(self) -> None:
         """The config of single components."""
-        profile, labelled = (
-            self.robot.settings.profile,
-            [*zip(self._components, self._labels, strict=True)],
-        )
+        profile = self.robot.settings.profile
+        labelled = list(zip(self._components, self._labels, strict=True))
         for family, find in (
             (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
             (metrics.COMPONENT_PLANNED_STALE, _planned_stale),
@@ -213,7 +212,14 @@ class RobotText:
         )
 
     def _render_downtimes(self) -> None:
-        """Which components are in a planned downtime of their own."""
+        """Until when it is in which downtime, and which components are in one of their own."""
+        self._set(
+            metrics.ROBOT_DOWNTIME_END,
+            [
+                self._one(metrics.ROBOT_DOWNTIME_END, round(last.end, 3), _labels_of(last))
+                for last in sorted(self.robot.planned, key=attrgetter("end"))[-1:]
+            ],
+        )
         family = metrics.COMPONENT_MAINTENANCE
         start = family.name + self._begin
         self._set(
@@ -421,6 +427,11 @@ def _labels_of_value(key: str, unit: str | None) -> str:
     """The end of a sample's labels; as above."""
     own = "" if unit is None else f',unit="{escape(unit)}"'
     return f',key="{escape(key)}"{own}}} '
+
+
+def _labels_of(downtime: PlannedBy) -> str:
+    author = f',author="{escape(one_line(downtime.author))}"' if downtime.author else ""
+    return f',downtime="{escape(one_line(downtime.name))}"{author}'
 
 
 def _families_of(value: ExportedValue) -> list[str]:

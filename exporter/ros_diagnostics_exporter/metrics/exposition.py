@@ -272,7 +272,6 @@ class Exposition:
             metrics.SITE_RECEIVED.name: self._received(),
             **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
             metrics.DOWNTIME_END.name: self._downtimes(),
-            metrics.ROBOT_DOWNTIME_END.name: self._robot_downtimes(),
         }
 
     def _members(self, faults: Iterable[Fault]) -> bytes:
@@ -340,17 +339,6 @@ class Exposition:
             )
             for key, end in sorted(ends.items())
         ).encode()
-
-    def _robot_downtimes(self) -> bytes:
-        """Until when each robot is in which downtime."""
-        samples = []
-        for robot in [text.robot for text in self._texts.values() if text.robot.planned]:
-            if robot.maintenance:
-                downtime, author, end = max(robot.planned, key=lambda each: each[2])
-                of = {"fleet": self._state.fleet.name, "robot": robot.settings.name}
-                more = {"downtime": one_line(downtime), "author": one_line(author)}
-                samples.append(_sample(metrics.ROBOT_DOWNTIME_END, label_pairs(of), more, end))
-        return "".join(samples).encode()
 
     def _over_limit(self) -> bytes:
         """Robots that are rejected by a limit have one sample: the reason why they are silent."""

@@ -66,6 +66,7 @@ FLEETING_KEPT = 600.0  # ... and for which one is kept that was received for les
     shared=Mark.CONFIG,
     source=Mark.CONFIG,
     maintenance=Mark.DOWNTIME,
+    planned=Mark.DOWNTIME,
     maintained=Mark.DOWNTIME,
     up=Mark.RECEIPT,
     undecodable=Mark.RECEIPT,

@@ -308,6 +308,18 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
     assert ends == {tuple(sorted(of_robot.items())): WALL + 100}
 
 
+def test_a_robot_has_the_end_of_its_last_downtime_until_that_is_over():
+    driver = StateDriver()
+    first, second = (Downtime("r", "", 0.0, WALL + end, "", f"to {end}") for end in (60, 120))
+    assert driver.sample("robot_downtime_end_timestamp_seconds") is None
+    driver.state.plan([first], driver.now)
+    assert driver.sample("robot_downtime_end_timestamp_seconds", downtime="to 60") == WALL + 60
+    driver.state.plan([first, second], driver.now)
+    assert driver.sample("robot_downtime_end_timestamp_seconds") == WALL + 120
+    driver.at(121)
+    assert driver.sample("robot_downtime_end_timestamp_seconds") is None
+
+
 def test_the_end_of_a_fault_says_as_text_when_it_ended_and_how_long_it_lasted():
     """Rules pass on the text, and mails have it: the value of the alert is when it began."""
     driver = StateDriver(confirm_after=2.0)

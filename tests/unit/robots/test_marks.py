@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.robots.maintenance import PlannedBy
 from ros_diagnostics_exporter.robots.marks import MARKS, Mark
 from support.state_driver import OK, StateDriver
 
@@ -14,6 +15,7 @@ def test_an_attribute_that_becomes_another_is_noted():
     for mark, of, name, value in (
         (Mark.CONFIG, robot, "declared", not robot.declared),
         (Mark.DOWNTIME, robot, "maintenance", True),
+        (Mark.DOWNTIME, robot, "planned", frozenset({PlannedBy("inspection", "", inf)})),
         (Mark.RECEIPT, robot.network, "uplink_up", False),
     ):
         before = robot.marks.count
