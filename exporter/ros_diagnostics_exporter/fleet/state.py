@@ -91,8 +91,11 @@ class FleetState(WatchedFleet):
                 if not robot.up:
                     self._registry.mark_publishing(robot)
                 if robot.accepts(now, raw=raw):
-                    robot.receive(array, now, raw=raw)
-                    self._follow(robot, now)
+                    self._receive(robot, array, now, raw=raw)
+
+    def _receive(self, robot: RobotState, array: Array, now: Instant, *, raw: bool) -> None:
+        robot.receive(array, now, raw=raw)
+        self._follow(robot, now)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -106,8 +109,7 @@ class FleetState(WatchedFleet):
                 size = array.size * len(statuses) // max(1, len(array.statuses))
                 part = Array(array.stamp, tuple(statuses), size, number=array.number)
                 self._registry.mark_publishing(robot)
-                robot.receive(part, now, raw=shared.settings.raw)
-                self._follow(robot, now)
+                self._receive(robot, part, now, raw=shared.settings.raw)
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
