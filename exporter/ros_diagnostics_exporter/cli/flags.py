@@ -273,7 +273,9 @@ def _server(text: str, example: str, flags: str) -> str:
 
 def _page(text: str) -> str:
     if "@" in text:
-        raise argparse.ArgumentTypeError("give it without a user: whoever opens a page sees it")
+        raise argparse.ArgumentTypeError(
+            "give it without a user: everybody who opens a page sees it"
+        )
     return _url(text, "http://localhost:3000")
 
 

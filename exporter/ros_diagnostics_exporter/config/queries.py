@@ -104,7 +104,7 @@ class Query(Entry):
     )
     address: ResultLabel | None = described(
         "In place of `robot`: the label of the result that has the robot's `address`. A port "
-        "behind the address is ignored.",
+        "after the address is ignored.",
         example="instance",
         default=None,
     )

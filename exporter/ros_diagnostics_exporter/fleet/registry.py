@@ -38,7 +38,7 @@ SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 TIME_TO_PUBLISH = 90.0
 MAX_REPLACED = 10_000  # topics of replaced robots, so that these are tried again last
 # Robots that are discovered before something was received of them. Those of a large fleet publish
-# within a second or two and make room for the next ones, and invented ones do not.
+# within a second or two, and the next ones are found then. Invented ones do not.
 MOST_ANNOUNCED = 200
 
 

@@ -174,8 +174,8 @@ def _of_fault(name: str, faults: str) -> str:
 
 def _of_downtime() -> str:
     """Return each alert of a downtime with its comment, one of several, as its message."""
-    told = label(f'ALERTS{{{_FIRES}, downtime!=""}}', "message", "$1", "downtime", "(.*)")
-    return f"topk by ({_ALERT}) (1, group by ({_ALERT}, message) ({told}))"
+    comments = label(f'ALERTS{{{_FIRES}, downtime!=""}}', "message", "$1", "downtime", "(.*)")
+    return f"topk by ({_ALERT}) (1, group by ({_ALERT}, message) ({comments}))"
 
 
 def firing_alerts() -> table.Panel:

@@ -61,17 +61,17 @@ def test_goals_of_a_robot_behind_a_bridge_are_counted(
     running = run_exporter(fleet(router, "site/r", "/"))
     robots.offer("/diagnostics_agg")
 
-    def told(number: int) -> bool:
+    def are_running(number: int) -> bool:
         robots.send("/diagnostics_agg", Status(0, "Motor", "OK"))
         return has_running(running, number)
 
     with ActionRobot("/", DOCK, environment=dds_environment) as robot:
-        until(lambda: told(0), lambda: f"{running.samples('goals_running')}", 60, every=0.3)
+        until(lambda: are_running(0), lambda: f"{running.samples('goals_running')}", 60, every=0.3)
         for how in ("abort", "succeed"):
             robot.tell("begin", DOCK)
-            until(lambda: told(1), "its begin is seen", 30, every=0.3)
+            until(lambda: are_running(1), "its begin is seen", 30, every=0.3)
             robot.tell(how, DOCK)
-            until(lambda: told(0), "its end is seen", 30, every=0.3)
+            until(lambda: are_running(0), "its end is seen", 30, every=0.3)
 
     assert results(running) == {"aborted": 1, "succeeded": 1}
 

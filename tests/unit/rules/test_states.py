@@ -79,7 +79,7 @@ def lived(random: Random, fleet: Fleet) -> StateDriver:
         for robot in (name for name, is_received in received.items() if is_received):
             mode = random.choice(("auto", "auto", "auto", "manual"))
             statuses = [
-                Status(levels[robot, name], name, "told", "", (("mode", mode),))
+                Status(levels[robot, name], name, "seen", "", (("mode", mode),))
                 for name in COMPONENTS
                 if levels[robot, name] != STALE or random.random() < 0.5
             ]
