@@ -235,9 +235,7 @@ def _care(matchers: str, states: str) -> str:
     sent = f"max by ({IDENTITY}, receiver) ({_NOTIFIED}{{{matchers}}} > 0)"
     last = f"topk by ({IDENTITY}) (1, {sent})"
     several = f"count by ({IDENTITY}) ({sent}) > 1"
-    faults = f"max by ({IDENTITY}) ({HELD}{{{matchers}}})"
-    soft_robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
-    soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
+    faults, soft, soft_robots = _each(matchers, states)
     planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
     until = f"on (fleet, robot) group_left (downtime, author) ({_UNTIL} < +Inf)"
     until = label(f"({faults} or {soft}) * {until}", "care", "maintenance until")
@@ -282,19 +280,21 @@ def _care(matchers: str, states: str) -> str:
 
 def _care_at(matchers: str, states: str) -> str:
     """Return when a fault was acknowledged, or its downtime ends, or it was notified; Unix time."""
-    robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
-    problems = f"""
-      max by ({IDENTITY}) ({HELD}{{{matchers}}})
-      or max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
-      or {robots}
-"""
+    faults, soft, _robots = _each(matchers, states)
     return f"""
     max by ({IDENTITY}) ({ACKNOWLEDGED}{{{matchers}}})
   or
-    0 * ({problems}) + on (fleet, robot) group_left () ({_UNTIL} < +Inf)
+    0 * ({faults} or {soft}) + on (fleet, robot) group_left () ({_UNTIL} < +Inf)
   or
     max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} > 0)
 """
+
+
+def _each(matchers: str, states: str) -> tuple[str, str, str]:
+    """Return the faults, all problems that are none yet, and those of these that are robots."""
+    robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
+    soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {robots}"
+    return f"max by ({IDENTITY}) ({HELD}{{{matchers}}})", soft, robots
 
 
 def _first_of(*exprs: str) -> str:
