@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -136,6 +137,16 @@ def test_robots_that_never_publish_are_few_at_once_and_take_turns(monkeypatch):
     playing.play(30, 115, publishing=mute)
     assert playing.invented() == ["mute_3", "mute_4", "mute_5"]
     assert all(playing.driver.state.robots[name].up for name in TRUE)
+
+
+def test_while_as_many_wait_as_may_what_else_is_offered_is_not_looked_through():
+    driver = StateDriver(fleet=FLEET)
+    offered = {topic(f"mute_{number}").name: Endpoint(1) for number in range(300)}
+    driver.state.update_graph(0, offered, driver.now)
+    again = Mock(wraps=offered)
+    driver.state.update_graph(0, again, driver.now)
+    assert len(driver.state.robots) == 200
+    assert not again.items.called
 
 
 def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
