@@ -11,7 +11,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from support import skips, time_budget
+from support import progress, skips, time_budget
 from support.state_driver import OPENED
 from testbed import domains, ports
 from testbed.processes import Process
@@ -40,6 +40,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all", action="store_true", help="also run the tests marked slow")
     parser.addoption("--no-skips", action="store_true", help="a skip is a failure: ./run nightly")
     parser.addoption("--update", action="store_true", help="rewrite the expected texts")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    if not hasattr(session.config, "workerinput"):  # which a process of pytest-xdist has
+        session.config.pluginmanager.register(progress.Lines(session))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
