@@ -127,12 +127,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: list[str] | None) -> int:
     try:
         code: Any = command.main(arguments, PROGRAM, standalone_mode=False)
+    except click.NoSuchOption as error:
+        _named(error, sys.argv[1:] if arguments is None else arguments).show()
+        return USAGE
     except click.ClickException as error:
         error.show()
         return USAGE
     except (click.Abort, KeyboardInterrupt):
         return INTERRUPTED
     return int(code or 0)
+
+
+def _named(error: click.NoSuchOption, arguments: Sequence[str]) -> click.UsageError:
+    """The error; of a negative number, which is taken for options, one that names the way out."""
+    given = next((each for each in arguments if each.startswith(error.option_name)), "")
+    if not given[1:2].isdigit():
+        return error
+    text = (
+        f"{given!r} begins with a minus, as an option does. Durations and numbers have none: "
+        f"write {given[1:]}. A name that begins with a minus stands behind --"
+    )
+    return click.UsageError(text, error.ctx)
 
 
 _OTHERS = "For another address: --url (exporter), --alertmanager, --prometheus"

@@ -100,3 +100,11 @@ def test_cancelling_a_component_leaves_its_robots_downtime(played):
 )
 def test_a_name_that_no_robot_can_have_is_wrong_usage(played, name):
     assert plan(*name, "1h") == 2
+
+
+def test_a_duration_with_a_minus_is_named_with_the_way_out(played, capsys):
+    assert plan("robot_1", "-5m") == 2
+    error = capsys.readouterr().err
+    assert "'-5m' begins with a minus" in error
+    assert "write 5m" in error
+    assert "No such option" not in error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import pairwise
@@ -41,6 +42,16 @@ class Check:
     critical: str = ""
     timeout: str = ""
     rest: tuple[str, ...] = ()
+
+    def without(self, values: Iterable[str]) -> list[str]:
+        """The rest without what the host says too, and without the options of that."""
+        known, left = {each.strip("/") for each in values}, list[str]()
+        for each in self.rest:
+            if each.strip("/") not in known:
+                left.append(each)
+            elif left and left[-1].startswith("-"):
+                left.pop()
+        return left
 
 
 def is_ros(command: str, line: str, plugins: tuple[str, ...]) -> bool:

@@ -355,11 +355,10 @@ def _check_name(service: Service, check: plugin.Check) -> str:
         )
     if check.timeout:
         _lose_arguments(thing, f"-t {check.timeout}", Effect.INFORMATION)
-    known = (host.get("host_name"), host.get("address"), host.get("_ROS_NAMESPACE"))
-    if rest := [each for each in check.rest if each not in known]:
-        is_option = all(each.startswith("-") for each in rest)  # values of the host's are known
+    if rest := check.without(host.get(key) for key in ("host_name", "address", "_ROS_NAMESPACE")):
+        is_option = all(each.startswith("-") for each in rest)
         part = Effect.INFORMATION if is_option else Effect.OTHERWISE
-        _lose_arguments(thing, " ".join(check.rest), part)
+        _lose_arguments(thing, " ".join(rest), part)
     return name
 
 

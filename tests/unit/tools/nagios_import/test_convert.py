@@ -446,6 +446,21 @@ def test_what_to_do_is_said_for_what_has_no_equivalent(made):
     assert "never-in-a-report" not in "".join(made.texts.values())
 
 
+def test_an_argument_that_the_host_says_too_is_translated_with_its_option(tmp_path):
+    host = "define host {\n host_name amr01\n address 10.0.0.1\n _ROS_NAMESPACE /amr01\n}\n"
+    command = "check_ros_diagnostics.py -n $_HOSTROS_NAMESPACE$ -N Motor -v"
+    commands = f"define command {{\n command_name check_ros\n command_line {command}\n}}\n"
+    asks = "check_command check_ros\n check_interval 1\n max_check_attempts 1\n"
+    check = f"define service {{\n host_name amr01\n service_description Motor\n {asks}}}\n"
+    (tmp_path / "objects.cfg").write_text(host + commands + check)
+    (tmp_path / "nagios.cfg").write_text("cfg_file=objects.cfg\n")
+    made = convert([tmp_path / "nagios.cfg"], OPTIONS)
+    (tmp_path / FLEET).write_text(made.texts[FLEET])
+    assert [each.namespace for each in load(tmp_path / FLEET).robots] == ["/amr01"]
+    (line,) = [each for each in made.texts[REPORT].splitlines() if "plug-in's arguments" in each]
+    assert line.endswith("arguments: -v")
+
+
 # A line that is translated -> another value, for keys whose values are not numbers.
 OTHER = {
     "24x7": "workhours",
