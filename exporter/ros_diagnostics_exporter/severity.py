@@ -140,13 +140,8 @@ def state_of(robot: dict[str, Any]) -> str:
     if not robot["up"]:
         return _OF_REASON.get(robot["silent_reason"], "SILENT")
     words = [judged_state(each) for each in robot["components"]]
-    words += ["CRITICAL" for _short in robot["short_checks"]]
-    # With a fault it is not OK, though no level says so, as while a component flaps.
-    words += [
-        problem_state(each)
-        for each in robot["problems"]
-        if each["confirmed"] is not None or (each["scope"] == "value" and is_bad(each))
-    ]
+    # With a fault it is not OK, though no level says so, as of a value, or while a component flaps.
+    words += [problem_state(each) for each in robot["problems"] if each["confirmed"] is not None]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
 
 

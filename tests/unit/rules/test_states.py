@@ -24,9 +24,11 @@ from support.state_driver import ERROR, OK, STALE, WARN, StateDriver
 FLEETS, ROBOTS = 12, 6
 UNSTEADY = 0.03  # share of the components that flap
 CHANGES = 0.01  # of the others, in a second
+CHARGES = 0.1  # of the robots' charges, in a second: many are beyond and not confirmed
 GOES, COMES_AND_GOES = 0.004, 0.3  # of the robots, in a second; of one of them
 LEVELS = ((OK, OK, OK, WARN), (OK, OK, STALE), (OK, OK, WARN, ERROR, STALE))  # one for each robot
 COMPONENTS = ("Motor", "Arm", "Lift", "Lidar", "Board", "laser 1", "laser 2", "Mode")
+LOW = {"low": {"warning": 20, "critical": 10}}
 PROFILE = {
     "stale_after": "5s",
     "confirm_after": "4s",
@@ -35,6 +37,7 @@ PROFILE = {
         {"match": "Lift", "when": {"component": "Mode", "key": "mode", "equals": "auto"}},
         {"match": "Lidar", "depends_on": ["Board"]},
     ],
+    "values": [{"component": "Motor", "key": "charge", "thresholds": LOW}],
     "checks": {"lasers": {"match": ["laser 1", "laser 2"], "expect": 2}},
     "capabilities": {
         "view": {"any": ["laser 1", "laser 2"]},
@@ -61,6 +64,10 @@ def fleet_of(random: Random, name: str, path: Path) -> Fleet:
     return load(path)
 
 
+def values_of(mode: str, charge: int) -> tuple[tuple[str, str], ...]:
+    return ("mode", mode), ("charge", str(charge))
+
+
 def lived(random: Random, fleet: Fleet) -> StateDriver:
     """The fleet after some minutes in which components fail and robots come and go."""
     driver = StateDriver(fleet=fleet)
@@ -69,17 +76,22 @@ def lived(random: Random, fleet: Fleet) -> StateDriver:
     levels = dict.fromkeys(parts, OK)
     possible = {robot.name: random.choice(LEVELS) for robot in fleet.robots}
     received = {robot.name: random.random() < 0.9 for robot in fleet.robots}
+    charge = {robot.name: 80 for robot in fleet.robots}
     for _ in range(random.randrange(30, 200)):
         for robot, is_received in received.items():
             often = COMES_AND_GOES if robot == "robot_3" else GOES
             received[robot] = is_received != (random.random() < often)
+        charge = {
+            robot: random.choice((5, 15, 80)) if random.random() < CHARGES else number
+            for robot, number in charge.items()
+        }
         for robot, name in parts:
             if random.random() < (0.5 if (robot, name) in unsteady else CHANGES):
                 levels[robot, name] = random.choice(possible[robot])
         for robot in (name for name, is_received in received.items() if is_received):
             mode = random.choice(("auto", "auto", "auto", "manual"))
             statuses = [
-                Status(levels[robot, name], name, "seen", "", (("mode", mode),))
+                Status(levels[robot, name], name, "seen", "", values_of(mode, charge[robot]))
                 for name in COMPONENTS
                 if levels[robot, name] != STALE or random.random() < 0.5
             ]

@@ -662,16 +662,18 @@ def test_what_a_condition_suppresses_is_no_trouble_and_its_problem_says_why():
     assert "<span class=mark>suppressed</span>" in page
 
 
-def test_a_failed_check_is_critical_and_shows_the_numbers():
+def test_a_failed_check_is_critical_as_a_fault_and_shows_the_numbers():
     short = {"check": "motors", "patterns": [], "found": 1, "expected": 2}
     missing = problem("check", "critical", check="motors")
     given = robot("a", component("Motor 1", "OK"), short_checks=[short], problems=[missing])
-    assert state_of(given) == "CRITICAL"
+    assert state_of(given) == "OK"
+    fault = {**missing, "confirmed": 1_000.0}
+    assert state_of({**given, "problems": [fault]}) == "CRITICAL"
     assert "check motors not confirmed yet, 5 s left" in text_of(given)
     assert "finds 1 of 2" in text_of(given)
 
 
-def test_a_value_beyond_its_threshold_is_the_robots_state_and_shows_both_numbers():
+def test_a_value_beyond_its_threshold_is_the_robots_state_as_a_fault_and_shows_both_numbers():
     low = {"bound": "low", "severity": "critical", "value": 13.0}
     battery = component("Battery", "OK")
     battery["values"][0]["thresholds"] = [low]
@@ -679,7 +681,8 @@ def test_a_value_beyond_its_threshold_is_the_robots_state_and_shows_both_numbers
         "value", "critical", group="/Motor", component="Battery", key="Level", bound="low"
     )
     given = robot("a", battery, problems=[beyond])
-    assert state_of(given) == "CRITICAL"
+    assert state_of(given) == "OK"
+    assert state_of({**given, "problems": [{**beyond, "confirmed": 1_000.0}]}) == "CRITICAL"
     assert " Battery: Level not confirmed yet" in text_of(given)
     assert "12.3 V, low threshold 13" in text_of(given)
     page = read(robot_page(fleet(given), "a", []) or "").text
