@@ -52,15 +52,15 @@ class Array(NamedTuple):
     """One diagnostic_msgs/DiagnosticArray.
 
     ``stamp`` is header.stamp in seconds since the epoch (0.0 where the publisher left it out);
-    ``size`` is the length of the serialized message in bytes, ``raw`` that message, ``number`` its
-    publisher's number of it, from 1 on (0 where the source does not say).
+    ``size`` is the length of the serialized message in bytes, ``raw`` that message, ``publisher``
+    who published it, the same as long as that publisher exists ("" where the source does not say).
     """
 
     stamp: float
     statuses: tuple[Status, ...]
     size: int = 0
     raw: bytes = b""
-    number: int = 0
+    publisher: str = ""
 
 
 class Feed(NamedTuple):
@@ -158,7 +158,8 @@ class Endpoint(NamedTuple):
     ``publishers`` counts those of DiagnosticArray; ``wrong_type`` is another type that some
     publisher offers, "" where there is none; ``reliable``: every publisher offers reliable
     delivery; ``is_cut_off``: none is there, because what connected the last is gone; ``refused`` is
-    the policy because of which none of them matches the subscription, "" where one does.
+    the policy because of which none of them matches the subscription, "" where one does;
+    ``writers`` are the publishers as `Array` names them, none where that is not known.
     """
 
     publishers: int
@@ -166,6 +167,7 @@ class Endpoint(NamedTuple):
     reliable: bool = True
     is_cut_off: bool = False
     refused: str = ""
+    writers: frozenset[str] = frozenset()
 
     @property
     def is_offered(self) -> bool:

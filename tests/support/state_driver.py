@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.storage.storage import Storage
 
 OK, WARN, ERROR, STALE = range(4)
@@ -125,13 +125,18 @@ class StateDriver:
                 self.state.find_unmatched(self.now)
 
     def _receive(
-        self, topic: str, statuses: tuple[Status, ...], stamp: float, number: int = 0
+        self, topic: str, statuses: tuple[Status, ...], stamp: float, publisher: str = ""
     ) -> None:
-        array = Array(stamp, tuple(statuses), 100, number=number)
+        array = Array(stamp, tuple(statuses), 100, publisher=publisher)
         self.state.receive(Topic(0, topic), array, self.now)
 
-    def raw(self, *statuses: Status, stamp: float = 0.0, number: int = 0) -> None:
-        self._receive("/r/diagnostics", statuses, stamp, number)
+    def raw(self, *statuses: Status, stamp: float = 0.0, publisher: str = "") -> None:
+        self._receive("/r/diagnostics", statuses, stamp, publisher)
+
+    def graph(self, *writers: str) -> None:
+        """Have the graph show who publishes the raw topic."""
+        endpoint = Endpoint(len(writers), writers=frozenset(writers))
+        self.state.update_graph(0, {"/r/diagnostics": endpoint}, self.now)
 
     def agg(self, *statuses: Status) -> None:
         self._receive("/r/diagnostics_agg", statuses, 0.0)

@@ -54,7 +54,7 @@ class Watched(Entry):
     )
     log_ends_after: PositiveDuration = described(
         "The fault ends this long after the last such message. The time runs only while the "
-        "robot's nodes are seen.",
+        "robot's nodes are seen, and not in the first minute after they are seen again.",
         example="1h",
         default=600.0,
     )

@@ -104,8 +104,9 @@ class ComponentRule(Conditional, Entry, title="Component"):
     )
     ends_after: PositiveDuration | None = described(
         "With `reports: on_change`: a problem that is not published again is over after this time. "
-        "If you leave it out, a problem lasts until they are published as OK, or until a person "
-        "removes them.",
+        "The time runs only while the robot's diagnostics are received, and not in the first "
+        "minute after they are received again. If you leave it out, a problem lasts until they "
+        "are published as OK, or until a person removes them.",
         example="10m",
         default=None,
     )

@@ -96,8 +96,8 @@ class Decoder:
     def __init__(self) -> None:
         self._before: list[_Decoded] = []
 
-    def decode(self, data: bytes, sent_as: int = 0) -> Array:
-        """One serialized diagnostic_msgs/DiagnosticArray, ``sent_as`` its publisher's number of it.
+    def decode(self, data: bytes, publisher: str = "") -> Array:
+        """One serialized diagnostic_msgs/DiagnosticArray of a publisher.
 
         Raises:
             ValueError: the bytes are no such message.
@@ -115,7 +115,7 @@ class Decoder:
             raise ValueError("ends within a DiagnosticArray")
         self._before = decoded if len(data) <= MAX_KEPT else []
         statuses = tuple([each.status for each in decoded])
-        return Array(seconds + nanoseconds * 1e-9, statuses, len(data), data, sent_as)
+        return Array(seconds + nanoseconds * 1e-9, statuses, len(data), data, publisher)
 
     def _statuses(self, data: bytes, at: int, number: _Unpack) -> tuple[list[_Decoded], int]:
         """(the statuses at an offset, the offset behind them)."""
@@ -225,7 +225,7 @@ class TopicQueue:
 
     def __init__(self, share: float = SHARE) -> None:
         self.share = share
-        self._messages: deque[tuple[bytes, int]] = deque()
+        self._messages: deque[tuple[bytes, str]] = deque()
         self._bytes = 0
         self._debt = 0.0
         self._at = 0.0
@@ -235,12 +235,12 @@ class TopicQueue:
         """How many messages wait."""
         return len(self._messages)
 
-    def put(self, message: bytes, number: int = 0) -> None:
-        """Append a message, and its publisher's number of it.
+    def put(self, message: bytes, publisher: str = "") -> None:
+        """Append a message of a publisher.
 
         What is beyond the limits goes, the oldest first, never the newest.
         """
-        self._messages.append((message, number))
+        self._messages.append((message, publisher))
         self._bytes += len(message)
         while len(self._messages) > MAX_MESSAGES or (
             self._bytes > MAX_BYTES and len(self._messages) > 1
@@ -248,15 +248,15 @@ class TopicQueue:
             self._bytes -= len(self._messages.popleft()[0])
             self._dropped += 1
 
-    def get(self) -> tuple[bytes, int]:
-        """Remove and return the oldest message, and its number.
+    def get(self) -> tuple[bytes, str]:
+        """Remove and return the oldest message, and its publisher.
 
         Raises:
             IndexError: none waits.
         """
-        message, number = self._messages.popleft()
+        message, publisher = self._messages.popleft()
         self._bytes -= len(message)
-        return message, number
+        return message, publisher
 
     def dropped(self) -> int:
         """How many messages were dropped since this was asked last."""

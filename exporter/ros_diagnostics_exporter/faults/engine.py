@@ -85,15 +85,19 @@ class Faults:
 
     # -- time --------------------------------------------------------------------------------
 
-    def started(self, now: Instant, longest_confirm_after: float) -> list[Change]:
+    def started(
+        self, now: Instant, longest_confirm_after: float, found_after: float = 0.0
+    ) -> list[Change]:
         """Note that the process has started: nothing is received yet, and restart_grace begins.
 
         To be called first, after `restore` and before time passes. Without the rows of a former
         process nothing is `settled` until what was wrong before has been judged again: it is
         received within restart_grace, and a fault after the fleet's ``longest_confirm_after``.
+        ``found_after`` so many seconds all robots are known that are not declared.
         """
         book = self._book
         book.grace_until = now.mono + book.settings.restart_grace
+        book.found_at = max(book.grace_until, now.mono + found_after)
         judged = book.grace_until + longest_confirm_after
         is_known = book.settled_at > -inf
         settled = max(book.grace_until, book.settled_at) if is_known else judged
@@ -230,10 +234,13 @@ class Faults:
 
     # -- what is received --------------------------------------------------------------------
 
-    def robot_back(self, name: str, now: Instant) -> list[Change]:
-        """Note that a robot is received, for the first time or again; see the module."""
+    def robot_back(self, name: str, now: Instant, *, may_boot: bool = True) -> list[Change]:
+        """Note that a robot is received, for the first time or again; see the module.
+
+        ``may_boot``: nobody has just begun to listen to it, as the exporter does after a start.
+        """
         changes = self.advance(now)
-        presence.come_back(self._book, self._robot(name), now)
+        presence.come_back(self._book, self._robot(name), now, may_boot=may_boot)
         return changes + judge.settle(self._book, now)
 
     def robot_silent(self, name: str, since: Instant, now: Instant) -> list[Change]:

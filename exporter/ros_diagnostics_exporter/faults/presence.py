@@ -56,14 +56,15 @@ def become_pending(book: Book, robot: RobotRecord, now: Instant) -> None:
     _note_presence(book, robot, now)
 
 
-def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Note that a robot is received, for the first time or again."""
+def come_back(book: Book, robot: RobotRecord, now: Instant, *, may_boot: bool) -> None:
+    """Note that a robot is received, for the first time or again; see `Faults.robot_back`."""
     if robot.up:
         return
+    if now.mono >= book.grace_until or robot.presence is Presence.NEVER:
+        robot.is_restarted = not may_boot
     _note_return(book, robot, now)
     robot.presence = Presence.UP
     robot.returned_until = now.mono + robot.settings.confirm_after
-    robot.is_restarted = robot.is_restarted and now.mono < book.grace_until
     if not robot.is_restarted:
         robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
@@ -118,6 +119,8 @@ def maintain_components(
 
 def settle(book: Book, now: Instant) -> None:
     """Judge what restart_grace suppressed, now that it is over."""
+    if now.mono < book.found_at:
+        book.timers.set(("settled", None), book.found_at)
     for robot in book.robots.values():
         _note_presence(book, robot, now)
     for problem in book.problems.values():

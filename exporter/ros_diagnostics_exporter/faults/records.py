@@ -316,7 +316,7 @@ class RobotRecord(Subject):
     maintained: frozenset[str] = frozenset()
     returned_until: float = -inf
     booted_until: float = -inf  # for its boot_grace after it came back
-    is_restarted: bool = False  # the exporter went and came back, and not the robot
+    is_restarted: bool = False  # the exporter has just begun to listen, and not the robot to speak
     history_before: FlapHistory | None = None  # before it fell silent, if that counts
     cut_off_since: float | None = None  # not written: reported anew after a start
     has_dependencies: bool = False  # a component of it depends, or did, on another

@@ -39,6 +39,7 @@ from ros_diagnostics_exporter.fleet.fault_evidence import (
     of_capability,
     of_exporter,
 )
+from ros_diagnostics_exporter.fleet.newcomers import STARTING
 from ros_diagnostics_exporter.fleet.robot_reports import RobotReports
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.component import Component
@@ -63,7 +64,11 @@ class FaultReports:
         self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
         self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
         self.engine = Faults(fleet.faults)
-        self.engine.started(now, fleet.longest_confirm_after)
+        self._start(now)
+
+    def _start(self, now: Instant) -> None:
+        found_after = STARTING if self._fleet.discoveries or self._fleet.shared else 0.0
+        self.engine.started(now, self._fleet.longest_confirm_after, found_after)
 
     # -- reported ----------------------------------------------------------------------------
 
@@ -169,8 +174,8 @@ class FaultReports:
         now, rows = self._time(now), list(rows)
         faults = Faults(self._fleet.faults)
         dropped = faults.restore(rows, now)
-        faults.started(now, self._fleet.longest_confirm_after)
         self.engine, self._fleet_source = faults, None
+        self._start(now)
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key and key[0] not in self._robots:
                 self._record(faults.forget_robot(key[0], now))
@@ -277,6 +282,7 @@ class FaultReports:
             self._record(self.engine.adopt(fault, now))
             reports = self._robots.get(fault.identity.robot)
             if reports is not None:
+                reports.has_adopted = True
                 changes = reports.configure(self.engine, now)
                 self._record(changes + reports.update(self.engine, now))
 
@@ -302,7 +308,8 @@ class FaultReports:
         """
         name = robot.settings.name
         if component is None:
-            return bool(robot.last_wall) and self.engine.in_trouble(name)
+            was_received = robot.last_wall or self._robots[name].has_adopted
+            return bool(was_received) and self.engine.in_trouble(name)
         known = self._robots[name].name_of(component)
         return known is not None and self.engine.in_trouble(name, known)
 

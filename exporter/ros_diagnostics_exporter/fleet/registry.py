@@ -64,6 +64,8 @@ class RobotRegistry:
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
         self._other_types: dict[Domain, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
+        self._listened_since: dict[Domain, float] = {}  # monotonic; none: not yet
+        self._started = now.mono
         for _robot in self.configure(fleet, now):
             pass
 
@@ -173,6 +175,7 @@ class RobotRegistry:
             settings, self._fleet.limits, series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
+        robot.listened_since = self._listened_since.get(settings.domain_id, self._started)
         if is_new:
             self._newcomers.note(robot, now)
         self.robots[settings.name] = robot
@@ -220,7 +223,8 @@ class RobotRegistry:
 
         Topics on which nobody ever publishes must not block robots for ever.
         """
-        robot = next(iter(self._not_publishing.values()), None)
+        waiting = self._not_publishing.values()
+        robot = next((each for each in waiting if not self._faults.keeps(each)), None)
         if robot is None or not (at_once or now.mono - robot.found_mono >= TIME_TO_PUBLISH):
             return False
         for topic in _topics(robot.settings):
@@ -237,6 +241,8 @@ class RobotRegistry:
         Those that were replaced before come last.
         """
         self._newcomers.look(now)
+        if domain_id not in self._listened_since:
+            self._listen(domain_id, now)
         if self._must_wait(now):
             return  # else somebody who offers 20,000 topics has each look go through them all
         topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
@@ -251,6 +257,17 @@ class RobotRegistry:
         # A topic beside the one that its robot was found by is that robot's.
         others = (each for each in new if not any(of in self.bindings for of in beside(each)))
         self.unclaimed.update(domain_id, others)
+
+    def _listen(self, domain_id: Domain, now: Instant) -> None:
+        """Note that a domain is looked at, for the first time since it was joined."""
+        self._listened_since[domain_id] = now.mono
+        for robot in self.robots.values():
+            if robot.settings.domain_id == domain_id:
+                robot.listened_since = now.mono
+
+    def lose(self, domain_id: Domain) -> None:
+        """Note that a domain is not joined any more."""
+        self._listened_since.pop(domain_id, None)
 
     def _add_found(self, arrays: Iterable[Topic], any_type: Iterable[Topic], now: Instant) -> None:
         """Add the robots of these topics, until as many are rejected as are known to be.

@@ -36,6 +36,7 @@ from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
+from ros_diagnostics_exporter.robots.values import ExportedValue
 
 _Presence = Literal["up", "silent", "pending"]
 _LEVELS = tuple(Level)
@@ -45,7 +46,8 @@ _NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside t
 class RobotReports:
     """One robot, and what was reported of it.
 
-    ``maintenance``, ``maintained`` and ``cut_off`` are as last reported.
+    ``maintenance``, ``maintained`` and ``cut_off`` are as last reported; ``has_adopted``: another
+    process received it, as a fault of it fires.
     """
 
     def __init__(self, robot: RobotState, events: deque[Event]) -> None:
@@ -54,6 +56,7 @@ class RobotReports:
         self.maintenance = False
         self.maintained: frozenset[str] = frozenset()
         self.cut_off = False
+        self.has_adopted = False
         self._settings = robot.settings
         self._limits = robot.limits
         self._declared = robot.declared
@@ -64,7 +67,7 @@ class RobotReports:
         self._measured: frozenset[ComponentName] = frozenset()  # by queries, if any depends on any
         self._received: set[Component] | None = None  # since its return, where that matters
         self._first: set[Component] = set()  # of these, with the report under way
-        self._up_since = 0.0  # monotonic
+        self._unjudged: set[tuple[Component, str]] = set()  # values, since the first
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
@@ -136,12 +139,13 @@ class RobotReports:
     def end_unrepeated(self, faults: Faults, now: Instant) -> list[Change]:
         """End what an earlier process knew, and the robot has not repeated for its ends_after."""
         robot, changes = self.robot.settings, list[Change]()
-        if self._presence != "up" or not faults.in_trouble(robot.name):
+        heard_for = self.robot.components.heard_for(now)
+        if heard_for <= 0.0 or not faults.in_trouble(robot.name):
             return changes
         for name in self.adopted(faults):
             rule = component_rule(robot.profile, name.component)
             after = None if rule is None else rule.ends_after
-            if after is not None and now.mono - self._up_since >= after:
+            if after is not None and heard_for >= after:
                 healthy = ComponentReport(name, Level.OK, ComponentSettings())
                 total = len(self.robot.components)
                 changes += faults.components_changed(robot.name, [healthy], total, now)
@@ -271,10 +275,14 @@ class RobotReports:
             last = robot.last_mono
             since = now if last is None else Instant(last, robot.last_wall)
             return faults.robot_silent(robot.settings.name, since, now)
-        self._everything, self._up_since = True, now.mono
+        self._everything = True
         self._received = set() if robot.settings.profile.boot_grace else None
+        self._unjudged.clear()
         self._awaited.await_raw()
-        return faults.robot_back(robot.settings.name, now)
+        # What was there before the exporter listened has not booted.
+        listened = now.mono - robot.listened_since
+        may_boot = listened > robot.settings.profile.stale_after
+        return faults.robot_back(robot.settings.name, now, may_boot=may_boot)
 
     # -- components --------------------------------------------------------------------------
 
@@ -421,15 +429,8 @@ class RobotReports:
         self, component: Component, troubled: Iterable[Identity]
     ) -> list[ValueReport]:
         """Its values with thresholds, and those that had one and are no longer published."""
-        stale = component.is_stale
         found = {
-            value.key: ValueReport(
-                value.key,
-                None if stale else value.number,
-                value.rule.thresholds,
-                Verdict.FAILING if stale else self._most(component, value.rule),
-                component in self._first,
-            )
+            value.key: self._value_report(component, value, value.rule)
             for value in component.values.all
             if value.rule is not None and value.rule.thresholds
         }
@@ -443,6 +444,18 @@ class RobotReports:
             wanted = not self._everything or _is_monitored(self._settings.profile, component, key)
             found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
         return list(found.values())
+
+    def _value_report(
+        self, component: Component, value: ExportedValue, rule: ValueRule
+    ) -> ValueReport:
+        if component.is_stale:
+            return ValueReport(value.key, None, rule.thresholds, is_first=component in self._first)
+        most, place = self._most(component, rule), (component, value.key)
+        is_first = component in self._first or place in self._unjudged
+        self._unjudged.discard(place)
+        if is_first and most is Verdict.NO_DATA and value.beyond:
+            self._unjudged.add(place)  # its condition is not known: the first judgement is to come
+        return ValueReport(value.key, value.number, rule.thresholds, most, is_first)
 
     def _most(self, component: Component, rule: ValueRule) -> Verdict:
         """The worst that a value's conditions let it be."""

@@ -107,7 +107,7 @@ class FleetState(WatchedFleet):
             robot = self._registry.on_shared_topic(topic, name, now)
             if robot is not None:
                 size = array.size * len(statuses) // max(1, len(array.statuses))
-                part = Array(array.stamp, tuple(statuses), size, number=array.number)
+                part = Array(array.stamp, tuple(statuses), size, publisher=array.publisher)
                 self._registry.mark_publishing(robot)
                 self._receive(robot, part, now, raw=shared.settings.raw)
 

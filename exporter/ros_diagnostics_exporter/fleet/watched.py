@@ -83,6 +83,7 @@ class WatchedFleet(ABC):
         """Note that a domain could not be joined."""
         self._set_domain_up(domain_id, up=False)
         with self._lock:
+            self._registry.lose(domain_id)
             self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
 
     def domain_deaf(self, domain_id: Domain, topics: Iterable[str], why: str, now: Instant) -> None:

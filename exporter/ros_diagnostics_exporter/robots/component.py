@@ -27,15 +27,21 @@ LEAST_STALE_AFTER = 5.0
 # Received once, or several times at one moment, a component has not yet shown how often it is
 # published; monitors that publish once a minute exist (Autoware).
 STALE_AFTER_FIRST = 90.0
+FIRST_GAP = STALE_AFTER_FIRST / GAP_FACTOR  # seconds between two statuses, after the first
 
 _DIGITS = re.compile(r"[0-9]+")
 
 
-class Held(NamedTuple):
-    """When the status that counts was last received (monotonic), and how long after it before."""
+class Said(NamedTuple):
+    """What one of several publishers said last, when (monotonic), and how long after it before.
 
+    ``is_beyond``: a value of it is beyond a threshold.
+    """
+
+    status: Status
     at: float
     gap: float
+    is_beyond: bool = False
 
 
 FIELDS = "fields:"  # in identities of what is made of fields of topics, in place of a group
@@ -88,9 +94,8 @@ class Component:
     threshold: float = inf  # seconds after which it was late, when it was received last
     gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
     last: Status | None = None
-    number: int = 0  # its publisher's number of the last message with it; 0: not known
-    goes_back: bool = False  # a number was less than the one before
-    held: Held | None = None  # several nodes publish it, and nothing tells them apart
+    publisher: str = ""  # of the status that counts; "": not known
+    said: dict[str, Said] | None = None  # by each publisher, the latest last, where these differ
     key_values: int = 0  # key-values that count against the robot's limit
     # Level and since of before a start, until it is received or listed.
     resumes: tuple[int, float] | None = None
@@ -143,7 +148,7 @@ class Component:
         return self.reported if self.reports else self.reported_before
 
     def skip(self, seconds: float) -> None:
-        """Do not count so many seconds, in which its robot was not received, towards `ends_at`."""
+        """Do not count so many seconds, in which nobody could publish it, towards `ends_at`."""
         self.listed += seconds
         self.received = self.listed if self.received is None else self.received + seconds
         if self.raw_received is not None:
@@ -175,7 +180,7 @@ class Component:
     @property
     def trouble_text(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
-        if self.held is not None:
+        if self.said is not None and len(self.said) > 1:
             return f"{self.message} (several nodes publish it, the worse counts)"
         if self.reports:
             return self.message
@@ -272,7 +277,15 @@ class Component:
             since=since,
             message=self.message,
             listed=now.wall - (now.mono - self.listed),
+            said=self._levels_said(),
         )
+
+    def _levels_said(self) -> dict[str, int]:
+        """The level that each publisher said last, where one is not OK."""
+        if self.said is not None:
+            return {publisher: each.status.level for publisher, each in self.said.items()}
+        is_wrong = self.publisher and self.published not in (None, OK)
+        return {self.publisher: self.published or OK} if is_wrong else {}
 
     def restore(self, persisted: PersistedComponent, now: Instant) -> None:
         """Restore what an earlier process knew: STALE until it is received."""
@@ -288,6 +301,11 @@ class Component:
         self._set_level(level, since, before if level == STALE else None)
         if not is_stale:
             self.resumes = persisted.level, persisted.since
+        name, _group, _id = self.identity
+        self.said = {
+            publisher: Said(Status(said, name, self.message, self.hardware_id), now.mono, FIRST_GAP)
+            for publisher, said in persisted.said.items()
+        } or None
 
     def note_raw(self, mono: float) -> None:
         """Note the receipt of a raw status, and the gap before it.

@@ -34,6 +34,8 @@ from ros_diagnostics_exporter.robots.values import ComponentValues
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
+# Seconds after a robot is received again in which those that publish only on a change may start.
+TIME_TO_START = 60.0
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 SHADOWED = "shadow mode (graph in fleet.yml)"  # why what a shadow shows is no fault
 
@@ -62,7 +64,10 @@ class Components:
     # labels by group, see `unique_name`
     _taken: dict[str, dict[str, int]] = field(default_factory=dict)
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
-    _is_received: bool = False  # its robot
+    heard: float = -inf  # when the last array was received, monotonic
+    heard_since: float = -inf  # ... and since when they are
+    is_heard: bool = False  # since it was silent
+    _is_received: bool = False  # its robot, by whatever
     _is_lossy: bool = False  # so are too many of its messages that say nothing
     _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
     _checked_at: int = -1  # the last change that `_checked` is made of
@@ -192,6 +197,7 @@ class Components:
             self.split_names.add(name)
             component = self.by_identity.get((name, "", ""))
             if component is not None and component.hardware_id:
+                component.publisher, component.said = "", None
                 self.identify(component, (name, "", component.hardware_id), now)
 
     def remove(self, component: Component) -> None:
@@ -303,11 +309,6 @@ class Components:
         self.update(component, status, now)
         self._expect(component, now)
 
-    def pass_over(self, component: Component, now: Instant) -> None:
-        """Note that a status of it was received, and not taken: another one counts."""
-        component.note_raw(now.mono)
-        component.listed = component.received = now.mono
-
     def update_measured(
         self, component: Component, feed: Feed, status: Status, now: Instant
     ) -> None:
@@ -334,15 +335,39 @@ class Components:
         component.missing = True
         self._set_level(component, STALE, now)
 
-    def resume(self, now: Instant, absence: float) -> None:
-        """Give what is published only on a change its level again: its robot is back.
+    def hear_again(self, now: Instant) -> None:
+        """Note that an array is received, as none was for long: all that is published could be."""
+        self.is_heard, self.heard_since = True, now.mono
+        absence = 0.0 if self.heard == -inf else now.mono - self.heard
+        self._resume(now, absence, published=True)
 
-        ``absence`` are the seconds in which nothing was received, which count towards no end.
-        """
+    def hears(self, now: Instant) -> bool:
+        """Whether arrays are received."""
+        return now.mono - self.heard <= self.stale_after
+
+    @property
+    def stale_after(self) -> float:
+        """The seconds without an array after which the robot is silent."""
+        return self._profile.stale_after
+
+    def heard_for(self, now: Instant) -> float:
+        """For how many seconds whoever publishes could have, after a time to start."""
+        is_so = self.is_heard and self.hears(now) and not self._is_lossy
+        return now.mono - self.heard_since - TIME_TO_START if is_so else 0.0
+
+    def resume(self, now: Instant, absence: float) -> None:
+        """Go on with what is made of fields, as many seconds after anything was received."""
         self._is_received = True
+        self._resume(now, absence, published=False)
+
+    def _resume(self, now: Instant, absence: float, *, published: bool) -> None:
+        """Give what is published only on a change its level again: its source is back.
+
+        What nobody could repeat has not ended: neither ``absence`` counts, nor the time to start.
+        """
         for component in self.by_identity.values():
-            if component.is_on_change:
-                component.skip(absence)
+            if component.is_on_change and component.is_published is published:
+                component.skip(absence + TIME_TO_START)
                 level = component.published
                 if component.is_stale and level is not None and level != STALE:
                     self._set_level(component, level, now)
@@ -364,7 +389,7 @@ class Components:
 
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
-        self._is_received = False
+        self._is_received = self.is_heard = False
         for component in self.by_identity.values():
             if component.feed is None:
                 self._set_level(component, STALE, now)
@@ -391,16 +416,17 @@ class Components:
             return
         self.next_late = inf
         for component in self.by_identity.values():
-            due = self._due(component)
+            due = self._due(component, now)
             if now.mono > due:
                 self._lapse(component, now)
             else:
                 self.next_late = min(self.next_late, due)
 
-    def _due(self, component: Component) -> float:
+    def _due(self, component: Component, now: Instant) -> float:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
-            return component.ends_at if self._is_received and not self._is_lossy else inf
+            is_known = self.hears(now) if component.is_published else self._is_received
+            return component.ends_at if is_known and not self._is_lossy else inf
         if component.is_stale or component.received is None:
             return inf
         return component.received + self._stale_after(component)
@@ -411,6 +437,7 @@ class Components:
             self._set_level(component, STALE, now)
         elif rule.ends_after is not None:
             after = durations.written(rule.ends_after)
+            component.said = None
             component.set_message(f"not reported again for {after}", always=True)
             self._set_level(component, OK, now)
 

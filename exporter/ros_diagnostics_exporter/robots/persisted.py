@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Annotated, Literal
 
@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 
 # Limits for what is read from the file: whatever passes them can be restored and shown.
 Level = Annotated[int, Field(ge=0, le=3)]
+Published = Annotated[int, Field(ge=0, le=255)]  # by a robot, also what ROS does not know
 Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 
@@ -22,7 +23,7 @@ class PersistedComponent:
     """One component; ``identity`` as in ``component``, times are Unix time.
 
     ``name`` is the one that it keeps until its fault is over, where its identity has another;
-    ``reported`` the level that was published last.
+    ``reported`` the level that was published last, ``said`` those by each publisher.
     """
 
     identity: tuple[Text, Text, Text]
@@ -34,7 +35,8 @@ class PersistedComponent:
     message: Text
     listed: Moment
     name: Text | None = None
-    reported: Annotated[int, Field(ge=0, le=255)] | None = None
+    reported: Published | None = None
+    said: dict[Text, Published] = field(default_factory=dict)
 
     def shifted(self, later: float, latest: float) -> PersistedComponent:
         """It, listed ``later`` by so many seconds, and nothing of it after ``latest``."""

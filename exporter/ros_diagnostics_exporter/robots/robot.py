@@ -98,6 +98,7 @@ class RobotState:
         self.shared = False
         self.series = series
         self.found_mono = self.seen_mono = now.mono
+        self.listened_since = now.mono  # since when its domain is received, monotonic
         self.limits = limits
         self.up = False
         self.source = settings.source
@@ -196,6 +197,10 @@ class RobotState:
         if self.undecodable:
             self.undecodable = False
         self._note_received(now)
+        components, stale_after = self.components, self.settings.profile.stale_after
+        if not components.is_heard or now.mono - components.heard > stale_after:
+            components.hear_again(now)
+        components.heard = now.mono
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
@@ -206,7 +211,7 @@ class RobotState:
             self.reject("component_limit", statuses[limit].name)
             statuses = statuses[:limit]
         if raw:
-            self._raw.apply(statuses, now, array.number)
+            self._raw.apply(statuses, now, array.publisher)
             self._has_raw = True
         else:
             alone = self.source is config.Source.AGG
@@ -388,6 +393,8 @@ class RobotState:
         """Set what the graph shows of one of its topics."""
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
+        if endpoint is not None and endpoint.writers and topic != self.settings.topic_agg:
+            self._raw.follow_writers(endpoint.writers, now)
 
     def update_link(self, reading: LinkReading | None) -> None:
         """Set how its messages arrive."""
@@ -445,7 +452,7 @@ class RobotState:
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
             self.up = self._has_no_ros
-            self.last_mono = now.mono - (now.wall - persisted.last_seen)
+            self.last_mono = self.components.heard = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
             if self.components.restore(each, now) is not None:
                 self.measured.restored(each.identity)

@@ -1,35 +1,40 @@
 """Nodes that publish one status name, each in arrays of its own: drivers leave the namespace out.
 
-Their hardware_ids tell them apart. Where these are the same, the worse status counts, until no node
-has repeated it for longer than it takes. What one node publishes never goes back and forth: the
-hardware_id changes at most when a device is replaced, and the middleware's numbers grow.
+Their hardware_ids tell them apart: what one node publishes never goes back and forth. Where these
+are the same, the worst counts of what each publisher said last. What it said counts until it takes
+longer than it took before, or until the publisher is gone from the ROS graph; what is published
+only on a change is not late. Whoever speaks alone is believed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
+from typing import NamedTuple
 
 from ros_diagnostics_exporter.model import Instant, Status
 from ros_diagnostics_exporter.robots.component import (
+    FIRST_GAP,
     GAP_FACTOR,
-    LEAST_STALE_AFTER,
     STALE,
     STALE_AFTER_FIRST,
     Component,
-    Held,
+    Said,
 )
+from ros_diagnostics_exporter.robots.components import Components
 
 RETURNS = 3  # times that it goes back, each within STALE_AFTER_FIRST, until it is two nodes
 MOST_NAMES = 4096  # of one robot, that are suspected
+MOST_PUBLISHERS = 16  # of one component
+LOOK_TIME = 5.0  # seconds that the graph may be older than when it is known
 
 
 @dataclass(slots=True)
 class _Suspect:
-    """A name whose hardware_id or number went back: how often, and when last."""
+    """A name whose hardware_id went back: how often, and when last."""
 
     returns: int = 0
-    at: float = float("-inf")
-    high: int = 0  # the number before it went back
+    at: float = -inf
     left: dict[str, float] = field(default_factory=dict)  # hardware_ids, and when they were last
 
     def note(self, now: Instant) -> bool:
@@ -42,52 +47,71 @@ class _Suspect:
 Suspects = dict[str, _Suspect]
 
 
-def _suspect(suspects: Suspects, name: str) -> _Suspect:
-    if len(suspects) >= MOST_NAMES:
-        suspects.clear()
-    return suspects.setdefault(name, _Suspect())
-
-
 def are_by_id(suspects: Suspects, former: Status, status: Status, now: Instant) -> bool:
     """Whether the hardware_ids, of which another one came just now, are of several nodes."""
-    suspect = _suspect(suspects, status.name)
+    if len(suspects) >= MOST_NAMES:
+        suspects.clear()
+    suspect = suspects.setdefault(status.name, _Suspect())
     if len(suspect.left) >= MOST_NAMES:
         suspect.left.clear()
     suspect.left[former.hardware_id] = now.mono
-    last = suspect.left.pop(status.hardware_id, float("-inf"))
+    last = suspect.left.pop(status.hardware_id, -inf)
     return now.mono - last <= STALE_AFTER_FIRST and suspect.note(now)
 
 
-def are_by_number(suspects: Suspects, component: Component, number: int, now: Instant) -> bool:
-    """Whether the numbers, of which one did not follow the last, are of several nodes.
+class Writers(NamedTuple):
+    """The publishers of a topic as the ROS graph showed them, and when (monotonic)."""
 
-    A node that was started again begins anew, and does not go on where it was before.
+    names: frozenset[str] = frozenset()
+    at: float = -inf
+
+
+def note(component: Component, publisher: str, status: Status, now: Instant) -> None:
+    """Note what a publisher says of a component."""
+    said = component.said
+    if said is None:
+        said = component.said = {}
+        if component.last is not None and component.publisher:
+            gap = component.gaps[-1] if component.gaps else 0.0
+            said[component.publisher] = _said(component, component.last, _received(component), gap)
+    known = said.pop(publisher, None)
+    gap = 0.0 if known is None else now.mono - known.at
+    said[publisher] = _said(component, status, now.mono, gap)
+    if len(said) > MOST_PUBLISHERS:
+        del said[next(iter(said))]
+
+
+def _received(component: Component) -> float:
+    return -inf if component.raw_received is None else component.raw_received
+
+
+def _said(component: Component, status: Status, at: float, gap: float) -> Said:
+    is_beyond = component.values.judges and component.values.would_be_beyond(status.values)
+    return Said(status, at, gap or FIRST_GAP, is_beyond)
+
+
+def worst(component: Component, components: Components, writers: Writers, now: Instant) -> Status:
+    """What counts of what all say; what does not any more is dropped.
+
+    While the robot is not received nobody can say anything. That a publisher is gone is not known
+    where the graph does not have the latest, too.
     """
-    suspect = _suspect(suspects, component.identity[0])
-    if number < component.number:
-        suspect.high, component.goes_back = component.number, True
-        return False
-    if number > component.number and not suspect.high < number > component.number + 1:
-        return False
-    component.goes_back = False
-    return suspect.note(now)
+    said = component.said or {}
+    latest = next(reversed(said))
+    for publisher, each in list(said.items()):
+        after = max(components.stale_after, GAP_FACTOR * each.gap)
+        after = inf if component.is_on_change else after
+        at = max(each.at, components.heard_since)
+        is_seen = publisher in writers.names or latest not in writers.names
+        is_gone = not is_seen and at + LOOK_TIME < writers.at
+        if publisher != latest and (is_gone or now.mono - at > after):
+            del said[publisher]
+    counted = max(said.values(), key=lambda each: (severity(each.status), each.is_beyond, each.at))
+    if len(said) == 1:
+        component.publisher, component.said = latest, None
+    return counted.status
 
 
-def counts(component: Component, held: Held, status: Status, now: Instant) -> bool:
-    """Whether a status of several nodes counts: no worse one of another node does."""
-    last, new = _severity(component.reported), _severity(status.level)
-    is_beyond = component.values.beyond and not component.values.would_be_beyond(status.values)
-    if new > last or (new == last and not is_beyond):
-        component.held = Held(now.mono, now.mono - held.at if new == last else 0.0)
-        return True
-    return now.mono - held.at > max(LEAST_STALE_AFTER, GAP_FACTOR * held.gap)
-
-
-def worse(one: Status, other: Status) -> Status:
-    """The worse of two statuses, the first of two that are as bad."""
-    return max(one, other, key=lambda status: _severity(status.level))
-
-
-def _severity(level: int) -> int:
+def severity(status: Status) -> int:
     """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
-    return {0: 0, 1: 1, STALE: 2}.get(level, 3)
+    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)

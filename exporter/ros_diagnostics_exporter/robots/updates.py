@@ -14,14 +14,19 @@ from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import (
     FIELDS,
     QUERY,
-    STALE_AFTER_FIRST,
     Component,
-    Held,
     Identity,
 )
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
-from ros_diagnostics_exporter.robots.twins import Suspects, are_by_id, are_by_number, counts, worse
+from ros_diagnostics_exporter.robots.twins import (
+    Suspects,
+    Writers,
+    are_by_id,
+    note,
+    severity,
+    worst,
+)
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 
 TOPICS = "Topics"  # the group of components that are made of fields
@@ -116,9 +121,10 @@ class RawUpdates:
         self._components = components
         self._reject = reject
         self._suspects: Suspects = {}  # names that several nodes may publish
+        self._writers = Writers()
 
-    def apply(self, statuses: Sequence[Status], now: Instant, number: int = 0) -> None:
-        """Update the components from one array, which has this number of its publisher's."""
+    def apply(self, statuses: Sequence[Status], now: Instant, publisher: str = "") -> None:
+        """Update the components from one array of a publisher; "" where that is not known."""
         if len({status.name for status in statuses}) != len(statuses):
             statuses = self._worst_of_each(statuses, now)
         components, split_names = self._components, self._components.split_names
@@ -128,42 +134,50 @@ class RawUpdates:
             component = components.by_identity.get(identity)
             if component is not None:
                 last = component.last
-                if (number and (number <= component.number or component.goes_back)) or (
-                    last is not status and last is not None and last[3] != status[3]
-                ):
-                    component = self._told_apart(component, status, number, now)
+                if last is not status and last is not None and last[3] != status[3]:
+                    component = self._told_apart(component, last, status, now)
             if component is None:
                 component = components.get_or_add(self._identity(status), _node_of(name), now)
             if component is not None:
-                component.number = number
-                if component.held is None or self._counts(component, status, now):
-                    components.update_raw(component, status, now)
+                if publisher and (publisher != component.publisher or component.said is not None):
+                    counted = self._worst_said(component, status, publisher, now)
+                    components.update_raw(component, counted, now)
                 else:
-                    self._reject("duplicate_component", name)
-                    components.pass_over(component, now)
+                    components.update_raw(component, status, now)
 
     def _identity(self, status: Status) -> Identity:
         is_split = status.name in self._components.split_names
         return status.name, "", status.hardware_id if is_split else ""
 
     def _told_apart(
-        self, component: Component, status: Status, number: int, now: Instant
+        self, component: Component, last: Status, status: Status, now: Instant
     ) -> Component | None:
         """The component of a status that may be another node's; None: it has none yet."""
-        last = component.last
-        if last is not None and last.hardware_id != status.hardware_id:
-            if are_by_id(self._suspects, last, status, now):
-                self._components.split_by_hardware_id(status.name, now)
-                return self._components.by_identity.get(self._identity(status))
-        elif are_by_number(self._suspects, component, number, now):
-            component.held = component.held or Held(now.mono, 0.0)
+        if are_by_id(self._suspects, last, status, now):
+            self._components.split_by_hardware_id(status.name, now)
+            return self._components.by_identity.get(self._identity(status))
         return component
 
-    def _counts(self, component: Component, status: Status, now: Instant) -> bool:
-        suspect = self._suspects.get(status.name)
-        if suspect is None or now.mono - suspect.at > STALE_AFTER_FIRST:
-            component.held = None  # it has been one node for long
-        return component.held is None or counts(component, component.held, status, now)
+    def _worst_said(
+        self, component: Component, status: Status, publisher: str, now: Instant
+    ) -> Status:
+        """What counts of what all publishers say of a component, of whom one says this now."""
+        note(component, publisher, status, now)
+        counted = worst(component, self._components, self._writers, now)
+        if counted is not status:
+            self._reject("duplicate_component", status.name)
+        return counted
+
+    def follow_writers(self, names: frozenset[str], now: Instant) -> None:
+        """Take the publishers that the ROS graph has: what others said may count no more."""
+        if names is self._writers.names:
+            return  # not asked for again
+        self._writers = Writers(names, now.mono)
+        components = self._components
+        for component in list(components) if components.hears(now) else ():
+            if component.said is not None and component.reports:
+                counted = worst(component, components, self._writers, now)
+                components.update(component, counted, now)
 
     def _worst_of_each(self, statuses: Sequence[Status], now: Instant) -> list[Status]:
         """The worst status of each component, for an array that has a name more than once.
@@ -174,18 +188,18 @@ class RawUpdates:
         for status in statuses:
             if status.hardware_id:
                 ids.setdefault(status.name, set()).add(status.hardware_id)
-        for name, found in ids.items():
-            if len(found) > 1:
+        for name, several in ids.items():
+            if len(several) > 1:
                 self._components.split_by_hardware_id(name, now)
-        worst: dict[Identity, Status] = {}
+        found: dict[Identity, Status] = {}
         for status in statuses:
             identity = self._identity(status)
-            if identity in worst:
+            if identity in found:
                 self._reject("duplicate_component", status.name)
-                worst[identity] = worse(worst[identity], status)
+                found[identity] = max(found[identity], status, key=severity)
             else:
-                worst[identity] = status
-        return list(worst.values())
+                found[identity] = status
+        return list(found.values())
 
 
 def _node_of(name: str) -> str:

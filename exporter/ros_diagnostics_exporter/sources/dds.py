@@ -54,7 +54,12 @@ try:
         list_nodes,
         list_topics,
     )
-    from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
+    from ros_diagnostics_exporter.sources.dds_subscription import (
+        Taken,
+        Taker,
+        publisher_name,
+        subscribe_bytes,
+    )
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
@@ -158,35 +163,34 @@ class DdsDomain(Reception):
         update_fast_dds()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
+        self._taker = Taker()
         self._node = make_guest(NODE_NAME, self._context)
 
     @override
     def leave(self) -> None:
         if self._node is not None:
             self._node.destroy_node()
+            self._taker.close()
         if self._context is not None:
             self._context.try_shutdown()
 
     @override
-    def data(self, taken: tuple[bytes, object]) -> bytes:
-        return taken[0]
+    def data(self, taken: Taken) -> bytes:
+        return taken.data
 
     @override
-    def number(self, taken: tuple[bytes, Mapping[str, int | None]]) -> int:
-        return taken[1]["publication_sequence_number"] or 0
+    def publisher(self, taken: Taken) -> str:
+        return taken.publisher
 
     @override
-    def identity(self, taken: tuple[bytes, Mapping[str, int | None]]) -> Hashable:
-        number, sent = taken[1]["publication_sequence_number"], taken[1]["source_timestamp"]
-        return (number, sent) if number and sent else super().identity(taken)
+    def identity(self, taken: Taken) -> Hashable:
+        known = taken.number is not None and taken.sent
+        return (taken.number, taken.sent) if known else super().identity(taken)
 
     @override
-    def measure(self, link: Link, taken: tuple[bytes, Mapping[str, int | None]]) -> None:
-        info = taken[1]
-        number, sent = info["publication_sequence_number"], info["source_timestamp"]
-        received = info["received_timestamp"]
-        if number is not None and sent and received:
-            link.note(number, sent, received)
+    def measure(self, link: Link, taken: Taken) -> None:
+        if taken.number is not None and taken.sent and taken.received:
+            link.note(taken.number, taken.sent, taken.received)
 
     @override
     def decode(self, data: bytes) -> Array:
@@ -318,6 +322,7 @@ class DdsDomain(Reception):
                 offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
             ),
             refused=refused,
+            writers=frozenset(publisher_name(offer.endpoint_gid) for offer in offers),
         )
         self._known[name] = state, endpoint
 
@@ -348,7 +353,8 @@ class DdsDomain(Reception):
         self, name: str, offer: bool, depth: int
     ) -> tuple[Callable[[], Any], Callable[[], object]]:
         node = self._joined_node
-        subscription, take = subscribe(node, name, reliable=offer, depth=depth)
+        subscription, _take = subscribe(node, name, reliable=offer, depth=depth)
+        take = self._taker.of(subscription)
         subscribed = self._subscriptions[name] = Subscribed(subscription)
 
         def close() -> None:

@@ -16,7 +16,9 @@ Nodes = list[tuple[str, str]]
 MAX_SHOWN = 100  # characters of a name that cannot be read
 
 
-class _Allocator(ctypes.Structure):
+class Allocator(ctypes.Structure):
+    """What allocates memory in ROS' C libraries: rcutils_allocator_t."""
+
     _fields_ = (
         ("functions", ctypes.c_void_p * 4),  # allocate, deallocate, reallocate, zero_allocate
         ("state", ctypes.c_void_p),
@@ -27,7 +29,7 @@ class _Texts(ctypes.Structure):  # rcutils_string_array_t
     _fields_ = (
         ("size", ctypes.c_size_t),
         ("data", ctypes.POINTER(ctypes.c_char_p)),
-        ("allocator", _Allocator),
+        ("allocator", Allocator),
     )
 
     def read(self) -> list[bytes]:
@@ -77,7 +79,7 @@ def list_nodes(node: Any) -> tuple[Nodes, int]:
 
 def _topics(node: Any) -> list[tuple[bytes, list[bytes]]]:
     rcl, found = ctypes.CDLL("librcl.so"), _NamesAndTypes()
-    allocator = _default_allocator()
+    allocator = default_allocator()
     with node.handle:
         pointer = ctypes.c_void_p(node.handle.pointer)
         arguments = (pointer, ctypes.byref(allocator), ctypes.c_bool(False))
@@ -105,10 +107,11 @@ def _nodes(node: Any) -> list[tuple[bytes, bytes]]:
             rcutils.rcutils_string_array_fini(ctypes.byref(each))
 
 
-def _default_allocator() -> _Allocator:
+def default_allocator() -> Allocator:
+    """The usual one."""
     make = ctypes.CDLL("librcutils.so").rcutils_get_default_allocator
-    make.restype = _Allocator
-    allocator: _Allocator = make()
+    make.restype = Allocator
+    allocator: Allocator = make()
     return allocator
 
 

@@ -16,6 +16,7 @@ from pydantic import Field
 from ros_diagnostics_exporter.config.graph import Watched
 from ros_diagnostics_exporter.model import Domain, Instant, Level
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.graph_nodes import START
 from ros_diagnostics_exporter.sources.graph_topics import Seconds
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
@@ -114,11 +115,13 @@ class Stopwatch:
         self._seconds = 0.0
         self._since: float | None = None  # monotonic; None: it is not received
 
-    def set(self, *, running: bool, mono: float) -> None:
-        """Take whether it is received now."""
-        if running != (self._since is not None):
+    def set(self, *, running: bool, mono: float) -> bool:
+        """Take whether it is received now; whether that differs from before."""
+        differs = running != (self._since is not None)
+        if differs:
             self._seconds = self.read(mono)
             self._since = mono if running else None
+        return differs
 
     def read(self, mono: float) -> float:
         """The seconds until now."""
@@ -128,11 +131,11 @@ class Stopwatch:
 class Messages:
     """What was received of one robot's nodes, by their names in its namespace.
 
-    ``clock`` has the times of what time ends, or makes a problem.
+    ``clock`` has the times of what time makes a problem, that of logs the times of what it ends.
     """
 
     def __init__(self) -> None:
-        self.clock = Stopwatch()
+        self.clock, self._of_logs = Stopwatch(), Stopwatch()
         self._logs: deque[tuple[float, str]] = deque(maxlen=MOST)
         self._matches: dict[str, tuple[float, str]] = {}  # node -> when, text
         self._states: dict[str, tuple[float, Transition]] = {}
@@ -154,7 +157,19 @@ class Messages:
             self._logs.append((now.mono, f"{node}: {text}"))
             has_room = node in self._matches or len(self._matches) < MOST
             if has_room and _is_fault(text, watch):
-                self._matches[node] = self.clock.read(now.mono), text
+                self._matches[node] = self._of_logs.read(now.mono), text
+
+    def follow(self, now: Instant, *, there: bool, lossy: bool) -> None:
+        """Take whether any node is there, and whether too many messages are lost.
+
+        What was logged before nodes were there again, and read, is not over before these had time
+        to start.
+        """
+        self.clock.set(running=there, mono=now.mono)
+        is_read = all(topic != LOGS for _domain, topic in self.given_up)
+        running = there and is_read and not lossy
+        if self._of_logs.set(running=running, mono=now.mono) and running:
+            self._matches = {node: (at + START, text) for node, (at, text) in self._matches.items()}
 
     def recent(self, now: Instant) -> tuple[str, ...]:
         """The log messages of the last minute, the newest first."""
@@ -164,7 +179,7 @@ class Messages:
 
     def judge(self, watch: Watched, now: Instant) -> Problems:
         """(level, text) of each problem, by component."""
-        problems, clock = dict(self._judge_states(now)), self.clock.read(now.mono)
+        problems, clock = dict(self._judge_states(now)), self._of_logs.read(now.mono)
         for node, (at, text) in list(self._matches.items()):
             if clock - at < watch.log_ends_after:
                 problems[f"log {node}"] = int(Level.ERROR), text
@@ -188,9 +203,9 @@ class Messages:
 
     def due(self, watch: Watched, now: Instant) -> float:
         """When time makes a problem of what was received, or ends it; monotonic."""
-        behind = now.mono - self.clock.read(now.mono)
+        behind, of_logs = (now.mono - each.read(now.mono) for each in (self.clock, self._of_logs))
         stuck = (behind + at + STUCK for at, each in self._states.values() if _is_between(each))
-        ends = (behind + at + watch.log_ends_after for at, _text in self._matches.values())
+        ends = (of_logs + at + watch.log_ends_after for at, _text in self._matches.values())
         recent = (at + RECENT for at, _text in self._logs)
         return min((each for each in (*stuck, *ends, *recent) if each > now.mono), default=inf)
 
@@ -233,9 +248,9 @@ class Messages:
 
     def learned(self, now: Instant) -> MessagesLearned:
         """What a later process should know."""
-        clock = self.clock.read(now.mono)
+        clock, of_logs = self.clock.read(now.mono), self._of_logs.read(now.mono)
         return MessagesLearned(
-            {node: (clock - at, text) for node, (at, text) in self._matches.items()},
+            {node: (max(0.0, of_logs - at), text) for node, (at, text) in self._matches.items()},
             {
                 node: (clock - at, *each)
                 for node, (at, each) in self._states.items()
@@ -246,7 +261,8 @@ class Messages:
     def restore(self, learned: MessagesLearned, now: Instant) -> None:
         """Go on from what an earlier process knew: nothing of it was received just now."""
         clock = self.clock.read(now.mono)
-        self._matches = {node: (clock - age, text) for node, (age, text) in learned.logs.items()}
+        of_logs = self._of_logs.read(now.mono)
+        self._matches = {node: (of_logs - age, text) for node, (age, text) in learned.logs.items()}
         self._states = {
             node: (clock - age, Transition(*each)) for node, (age, *each) in learned.states.items()
         }

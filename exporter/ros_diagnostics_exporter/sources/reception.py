@@ -146,9 +146,9 @@ class Reception(ABC):
         """What tells a message from the others of a few seconds."""
         return hash(self.data(taken))
 
-    def number(self, taken: Any) -> int:  # noqa: ARG002 - of those that override
-        """The publisher's number of what was taken; 0 where the middleware does not say it."""
-        return 0
+    def publisher(self, taken: Any) -> str:  # noqa: ARG002 - of those that override
+        """Who published what was taken; "" where the middleware does not say it."""
+        return ""
 
     def measure(self, link: Link, taken: Any) -> None:  # noqa: ARG002 - of those that override
         """Note by what was taken how it arrived, where the middleware says so."""
@@ -326,7 +326,7 @@ class Reception(ABC):
             self.measure(topic.content.link, taken)
             data = self.data(taken)
             largest = max(largest, len(data))
-            self._put(name, topic.content, data, self.number(taken))
+            self._put(name, topic.content, data, self.publisher(taken))
             taken = topic.take() if time.monotonic() < until else None
         dropped = topic.content.queue.dropped()
         if dropped:
@@ -342,9 +342,9 @@ class Reception(ABC):
             depth = max(1, MAX_HISTORY // largest)
             self._subscribe(name, topic.offer, depth, topic.content)
 
-    def _put(self, name: str, content: Content, data: bytes, number: int) -> None:
+    def _put(self, name: str, content: Content, data: bytes, publisher: str) -> None:
         if len(data) <= self.max_message:
-            content.queue.put(data, number)
+            content.queue.put(data, publisher)
             self._waiting[name] = content
         else:
             error = f"{len(data)} bytes, more than {self.max_message} are not decoded"
@@ -380,9 +380,9 @@ class Reception(ABC):
             spent.ingest += end - decoded
 
     def _decode(self, name: str, content: Content, now: Instant) -> Array | None:
-        data, number = content.queue.get()
+        data, publisher = content.queue.get()
         try:
-            return content.decoder.decode(data, number) if is_cdr(data) else self.decode(data)
+            return content.decoder.decode(data, publisher) if is_cdr(data) else self.decode(data)
         except ValueError as error:
             self._undecodable(name, str(error), now)
             return None

@@ -264,7 +264,7 @@ class RobotGraph:
     def report(self, robot: str, now: Instant) -> Report | None:
         """What is to be said of it now; None where nothing is there of which anything is known."""
         self.report_at = now.mono + REPORT
-        self.messages.clock.set(running=self._nodes.there, mono=now.mono)
+        self.messages.follow(now, there=self._nodes.there, lossy=self.lossy)
         if not (self.is_there or self.has_topics or self._link or self._says_anyway):
             return None
         self._says_anyway = False

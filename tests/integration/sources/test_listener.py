@@ -7,8 +7,16 @@ import re
 import pytest
 from std_msgs.msg import String
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Source
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Discovery,
+    Fleet,
+    Profile,
+    Robot,
+    Source,
+)
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.regex import Pattern
 from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
@@ -98,3 +106,20 @@ def test_a_topic_that_no_entry_takes_is_named_as_soon_as_it_is_published(
     (found,) = running.service.state.unclaimed
     assert (found.domain_id, found.topics) == (ros_domain, ("/diagnostics",))
     assert found.entry == f"{{name: robot_{ros_domain}, domain_id: {ros_domain}}}"
+
+
+def test_the_worst_of_two_publishers_counts_until_it_is_gone(ros_domain, robots, run_exporter):
+    """Each says it once; only the middleware tells them apart."""
+    rule = ComponentRule(Pattern("Motor"), reports="on_change")
+    profile = Profile(components=(rule,), stale_after=600.0)
+    running = run_exporter(Fleet("f", (raw_robot("r", ros_domain, profile=profile),)))
+    with publisher(ros_domain) as broken:
+        for each, status in ((broken, HOT), (robots, MOTOR)):
+            each.offer("/r/diagnostics")
+            each.wait_for_listeners()
+            each.send("/r/diagnostics", status)
+            running.wait_for("robot_messages_total", 1 + (each is robots))
+        robots.send("/r/diagnostics", MOTOR)
+        running.wait_for("robot_messages_total", 3)
+        assert running.sample("component_level", component="Motor") == 2
+    running.wait_for("component_level", 0, component="Motor")

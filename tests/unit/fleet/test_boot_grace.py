@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from ros_diagnostics_exporter.config.conditions import Condition
@@ -182,3 +184,42 @@ def test_it_goes_on_after_a_restart_of_the_exporter(tmp_path):
     assert again.fault_names() == set()
     again.raw_every(1, 100, *statuses)
     assert again.fault_names() == {CRITICAL, TOO_LOW}
+
+
+def test_what_was_there_when_the_exporter_began_to_listen_has_not_booted():
+    driver = StateDriver(boot_grace=120.0)  # it knows nothing of before
+    driver.graph("a")
+    driver.raw_every(1, 50, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == {CRITICAL}
+
+
+def test_a_robot_that_comes_after_the_exporter_boots():
+    driver = StateDriver(boot_grace=120.0)
+    driver.at(SETTLED)
+    driver.raw_every(1, SETTLED + 110, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == set()
+    driver.raw_every(1, SETTLED + 130, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == {CRITICAL}
+
+
+def test_no_robot_boots_because_its_domain_can_be_joined_at_last():
+    driver = StateDriver(boot_grace=120.0)
+    driver.graph()
+    driver.state.domain_failed(0, "no interface", driver.now)
+    driver.at(600)
+    driver.state.domain_joined(0)
+    driver.graph("a")
+    driver.raw_every(1, 690, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == {CRITICAL}
+
+
+def test_a_value_whose_condition_is_not_known_with_the_first_message_has_it_too():
+    mode = Status(OK, "Mode", values=(("mode", "auto"),))
+    when = Condition(component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("auto"),))
+    rule = replace(LOW, when=(when,))
+    driver = booted(battery("5"), values=(rule,))
+    driver.raw_every(1, SETTLED + 63, battery("5"))
+    driver.raw_every(1, SETTLED + 170, battery("5"), mode)
+    assert TOO_LOW not in driver.fault_names()
+    driver.raw_every(1, SETTLED + 190, battery("5"), mode)
+    assert TOO_LOW in driver.fault_names()

@@ -607,10 +607,67 @@ def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
     after = without_database(before)
     after.at(after.now.mono + 1_000)  # its robot is silent
     begin = after.now.mono
-    after.raw_every(1, begin + 55, LASER)
+    after.raw_every(1, begin + 115, LASER)  # of which the first minute does not count
     assert ("component", "critical", "r", "Motor") in after.fault_names()
-    after.raw_every(1, begin + 65, LASER)
+    after.raw_every(1, begin + 125, LASER)
     assert after.fault_names() == set()
+
+
+def fleet_of_found(number: int) -> StateDriver:
+    """A driver of robots of one site that are found by their topics: so many, of r0 on."""
+    discovery = Discovery(
+        pattern=re.compile("/(?P<robot>[^/]+)/diagnostics"),
+        template="/{robot}/diagnostics",
+        labels={"site": "hall"},
+        source=Source.RAW,
+        profile=Profile(forget_after=600.0),
+    )
+    settings = FaultSettings(site=CauseSettings(3, 0.5))
+    driver = StateDriver(fleet=Fleet("f", discoveries=(discovery,), faults=settings))
+    find(driver, number)
+    return driver
+
+
+def find(driver: StateDriver, number: int) -> None:
+    endpoints = {f"/r{each}/diagnostics": Endpoint(1) for each in range(number)}
+    driver.state.update_graph(0, endpoints, driver.now)
+
+
+def send(driver: StateDriver, until: float, number: int) -> None:
+    while driver.now.mono < until:
+        for each in range(number):
+            driver._receive(f"/r{each}/diagnostics", (MOTOR,), 0.0)
+        driver.at(min(until, driver.now.mono + 1))
+
+
+def test_what_fires_of_a_site_lasts_until_its_robots_had_time_to_be_found():
+    before = fleet_of_found(6)
+    send(before, SETTLED, 6)
+    before.at(SETTLED + 60)
+    silent = {("site", "silent", "hall")}
+    assert before.fault_names() == silent
+    after = fleet_of_found(1)
+    after.state.adopt(before.state.faults(), after.now)
+    send(after, 100, 1)  # the others are not found yet
+    assert (after.fault_names(), after.state.served()[1]) == (silent, [])
+    find(after, 6)
+    send(after, 130, 6)
+    assert after.fault_names() == set()
+
+
+def test_a_robot_that_was_found_is_kept_as_long_as_something_fires_of_it():
+    """It was received by a process whose database is lost, and only announced since."""
+    before = fleet_of_found(1)
+    send(before, SETTLED, 1)
+    before.at(SETTLED + 60)
+    assert before.fault_names() == {("robot", "silent", "r0")}
+    after = fleet_of_found(1)
+    after.state.adopt(before.state.faults(), after.now)
+    after.at(1)
+    after.state.update_graph(0, {}, after.now)
+    after.at(1_300)
+    assert after.fault_names() == {("robot", "silent", "r0")}
+    assert after.state.served()[1] == []
 
 
 def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():

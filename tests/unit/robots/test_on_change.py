@@ -9,6 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Source
+from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.model import Instant, Status
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
@@ -17,6 +18,7 @@ SERIAL, MOTOR = Status(ERROR, "rosserial", "lost sync"), Status(OK, "Motor")
 RULE = ComponentRule(re.compile("rosserial"), reports="on_change")
 ENDS = replace(RULE, ends_after=600.0)
 CRITICAL = {("component", "critical", "r", "rosserial")}
+START = 60  # seconds after a return in which a driver may start
 
 
 def level(driver):
@@ -114,7 +116,7 @@ def test_a_restart_changes_nothing_and_it_ends_after_as_long():
     again.now = driver.now
     again.state.restore({"r": driver.state.robots["r"].persist(driver.now)}, again.now)
     again.restore_faults([Row(*each) for each in driver.fault_rows()])
-    stand(again, 450)
+    stand(again, 450 + START)
     assert (again.fault_names(), level(again)[0]) == (CRITICAL, "ERROR")
     stand(again, 100)
     assert again.fault_names() == set()
@@ -166,7 +168,7 @@ def test_silence_does_not_count_towards_its_end(gap):
     driver = once(ENDS)
     stand(driver, 500)
     driver.at(driver.now.mono + gap)
-    stand(driver, 60)
+    stand(driver, 60 + START)
     assert (driver.fault_names(), level(driver)[0]) == (CRITICAL, "ERROR")
     stand(driver, 60)
     assert driver.fault_names() == set()
@@ -187,7 +189,7 @@ def test_a_stop_of_the_exporter_does_not_count_towards_its_end(tmp_path):
     driver = once(ENDS)
     stand(driver, 500)
     again = driver.again(tmp_path / "state", after=3_600.0)
-    stand(again, 90)
+    stand(again, 90 + START)
     assert (again.fault_names(), level(again)[0]) == (CRITICAL, "ERROR")
     stand(again, 20)
     assert again.fault_names() == set()
@@ -216,3 +218,31 @@ def test_the_levels_of_fleet_yml_apply_once_to_what_resumes(tmp_path, has_restar
     assert "recovered" not in [
         each.reason for each in driver.state.served()[1] if each.fault.identity.component
     ]
+
+
+def test_what_else_keeps_its_robot_up_does_not_count_towards_its_end():
+    """Only its own arrays show that it could be published again."""
+    entry = TopicEntry(topic="e_stop", component="E-stop", field="data")
+    fields = StateDriver(components=(ENDS,), topics=(entry,))
+    fields.raw_every(1, 60, MOTOR)
+    fields.raw(MOTOR, SERIAL)
+    for _ in range(1_000):
+        fields.at(fields.now.mono + 1)
+        fields.robot.receive_fields((Status(OK, "E-stop"),), fields.now)
+    assert fields.robot.up
+    assert fields.fault_names() >= CRITICAL
+    stand(fields, 590 + START)
+    assert fields.fault_names() >= CRITICAL
+    stand(fields, 20)
+    assert ("component", "critical", "r", "rosserial") not in fields.fault_names()
+
+
+def test_the_minute_after_a_return_does_not_count_towards_its_end():
+    """Its driver may not have started yet."""
+    driver = once(replace(ENDS, ends_after=30.0))
+    stand(driver, 15)
+    driver.at(driver.now.mono + 60)
+    stand(driver, START + 10)
+    assert driver.fault_names() == CRITICAL
+    stand(driver, 10)
+    assert driver.fault_names() == set()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Source, Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.model import Status
 from support.state_driver import ERROR, OK, STALE, StateDriver, tree
 
@@ -24,9 +24,9 @@ LOW = ValueRule(
 class Nodes:
     """Nodes that publish once a second, each half a second after the one before."""
 
-    def __init__(self, *numbers: int, **profile):
+    def __init__(self, *publishers: str, **profile):
         self.driver = StateDriver(**profile)
-        self.numbers = list(numbers)  # of the next message of each; 0: not known
+        self.publishers = publishers  # none: not known
 
     def stand(self, seconds: float, *statuses: Status | None) -> None:
         """Let them publish these; None: it publishes nothing."""
@@ -34,9 +34,8 @@ class Nodes:
         while self.driver.now.mono < end:
             for node, status in enumerate(statuses):
                 if status is not None:
-                    number = self.numbers[node] if self.numbers else 0
-                    self.driver.raw(status, number=number)
-                    self.numbers[node : node + 1] = [number + 1] if number else []
+                    publisher = self.publishers[node] if self.publishers else ""
+                    self.driver.raw(status, publisher=publisher)
                 self.driver.at(self.driver.now.mono + 1 / len(statuses))
 
     @property
@@ -104,9 +103,8 @@ def test_three_of_them_are_three_components():
     assert nodes.labels == {"lidar: Status [a]", "lidar: Status [b]", "lidar: Status"}
 
 
-@pytest.mark.parametrize("numbers", [(100, 7), (1, 1), (7, 100)])
-def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(numbers, caplog):
-    nodes, same = Nodes(*numbers), LEFT._replace(hardware_id="")
+def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(caplog):
+    nodes, same = Nodes("a", "b"), LEFT._replace(hardware_id="")
     nodes.stand(30, same, same)
     nodes.stand(60, same, same._replace(level=ERROR, message="no data"))
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
@@ -122,7 +120,7 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(num
 
 
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
-    nodes, same = Nodes(100, 7, values=(LOW,)), FRONT._replace(hardware_id="b")
+    nodes, same = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="b")
     nodes.stand(30, same, same)
     nodes.stand(60, same, same._replace(values=(("Charge (%)", "2"),)))
     assert nodes.faults == {
@@ -133,12 +131,13 @@ def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
 
 
 def test_a_node_that_crashes_and_starts_again_and_again_is_one():
-    nodes, hot = Nodes(1), LEFT._replace(level=ERROR)
-    for _ in range(20):
-        nodes.stand(4, hot)
-        nodes.stand(4, LEFT)
-        nodes.numbers = [1]
-    assert nodes.driver.component("lidar: Status").held is None
+    nodes, hot = Nodes("0"), LEFT._replace(level=ERROR)
+    for number in range(20):
+        nodes.stand(12, hot)
+        nodes.publishers = (f"{number + 1}",)
+        nodes.stand(12, LEFT)
+    assert nodes.driver.component("lidar: Status").said is None
+    assert nodes.driver.level("lidar: Status") == OK
 
 
 def test_an_aggregator_in_place_of_them_has_a_component_of_their_name(tmp_path):
@@ -162,3 +161,101 @@ def test_an_aggregator_beside_them_makes_no_third_component():
         "lidar: Status [left]",
         "lidar: Status [right]",
     }
+
+
+# -- what is published only on a change ----------------------------------------------------------
+
+ONCE = ComponentRule(re.compile("rosserial"), reports="on_change")
+SERIAL = Status(OK, "rosserial", "in sync")
+LOST = SERIAL._replace(level=ERROR, message="lost sync")
+CRITICAL = {("component", "critical", "r", "rosserial")}
+
+
+def twins(rule: ComponentRule = ONCE) -> StateDriver:
+    """A robot of which two nodes have said OK once, and then one of them ERROR."""
+    driver = StateDriver(components=(rule,))
+    driver.graph("a", "b", "motor")
+    for publisher in "ab":
+        driver.raw(SERIAL, publisher=publisher)
+    on(driver, 60)
+    driver.raw(LOST, publisher="a")
+    return driver
+
+
+def on(driver: StateDriver, seconds: float) -> None:
+    """Let the robot be received for some seconds."""
+    until = driver.now.mono + seconds
+    while driver.now.mono < until:
+        driver.raw(Status(OK, "Motor"), publisher="motor")
+        driver.at(min(until, driver.now.mono + 1))
+
+
+def recovered(driver: StateDriver) -> list[str]:
+    ends = (each.fault.identity.component for each in driver.state.served()[1])
+    return [name for name in ends if name]
+
+
+def test_one_of_two_that_says_ok_once_is_no_end_of_what_the_other_said():
+    driver = twins()
+    on(driver, 30)
+    driver.raw(SERIAL, publisher="b")
+    on(driver, 600)
+    assert (driver.fault_names(), recovered(driver)) == (CRITICAL, [])
+    text = "lost sync (several nodes publish it, the worse counts)"
+    assert driver.component("rosserial").trouble_text == text
+    driver.raw(SERIAL, publisher="a")
+    assert driver.fault_names() == set()
+
+
+def test_nor_is_it_after_a_restart_or_a_silence(tmp_path):
+    driver = twins()
+    on(driver, 30)
+    driver = driver.again(tmp_path / "state")
+    on(driver, 5)
+    driver.raw(SERIAL, publisher="b")
+    on(driver, 60)
+    driver.at(driver.now.mono + 120)
+    on(driver, 5)
+    driver.raw(SERIAL, publisher="b")
+    driver = driver.again(tmp_path / "state")
+    on(driver, 60)
+    assert (driver.fault_names(), recovered(driver)) == (CRITICAL, [])
+    driver.raw(SERIAL, publisher="a")
+    assert driver.fault_names() == set()
+
+
+def test_a_node_that_was_started_again_ends_what_it_said_before():
+    """Its publisher has another name then, and the former one is gone from the graph."""
+    driver = twins()
+    on(driver, 30)
+    driver.graph("b", "motor")
+    on(driver, 30)
+    assert driver.fault_names() == CRITICAL
+    driver.graph("a2", "b", "motor")
+    driver.raw(SERIAL, publisher="a2")
+    assert (driver.fault_names(), recovered(driver)) == (set(), ["rosserial"])
+
+
+def test_it_does_so_although_the_graph_shows_that_later():
+    driver = twins()
+    on(driver, 30)
+    driver.raw(SERIAL, publisher="a2")
+    on(driver, 10)
+    assert driver.fault_names() == CRITICAL
+    driver.graph("a2", "b", "motor")
+    on(driver, 1)
+    assert driver.fault_names() == set()
+
+
+def test_twins_that_repeat_it_are_the_same_after_a_restart_and_a_silence(tmp_path):
+    """The one that is well is received first."""
+    nodes, hot = Nodes("a", "b"), LEFT._replace(hardware_id="", level=ERROR)
+    well = hot._replace(level=OK)
+    nodes.stand(60, hot, well)
+    nodes.driver = nodes.driver.again(tmp_path / "state")
+    nodes.publishers = ("b", "a")
+    nodes.stand(60, well, hot)
+    nodes.driver.at(nodes.driver.now.mono + 120)
+    nodes.stand(60, well, hot)
+    assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
+    assert recovered(nodes.driver) == []

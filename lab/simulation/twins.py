@@ -1,0 +1,133 @@
+"""Two nodes of one robot that publish one status name, and what holds of them whatever happens.
+
+They report on a change or repeat it; they are started again, their robot falls silent, the exporter
+is started again, and the graph shows all of it late. What each said last is noted here.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from random import Random
+
+from ros_diagnostics_exporter.config.fleet import ComponentRule
+from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.regex import Pattern
+from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
+
+NAME = "rosserial"
+LATEST = 30.0  # seconds within which it is known what counts: the graph is looked at every ten
+MOTOR = Status(OK, "Motor")
+
+
+@dataclass
+class Node:
+    """A node, how often it was started, and what it said since."""
+
+    name: str
+    starts: int = 0
+    level: int | None = None
+
+    @property
+    def publisher(self) -> str:
+        """Its name in the middleware."""
+        return f"{self.name} {self.starts}"
+
+
+@dataclass
+class Twins:
+    """A robot with two of them."""
+
+    driver: StateDriver
+    repeats: bool
+    nodes: tuple[Node, Node] = field(default_factory=lambda: (Node("left"), Node("right")))
+    ended: int = 0  # events that were checked
+
+    def say(self, node: Node, level: int) -> None:
+        """A node says something."""
+        node.level = level
+        self.driver.raw(Status(level, NAME, str(level)), publisher=node.publisher)
+        self.check()
+
+    def go(self, seconds: int) -> None:
+        """The robot is received for some seconds."""
+        for _ in range(seconds):
+            self.driver.raw(MOTOR, publisher="motor")
+            for node in self.nodes if self.repeats else ():
+                if node.level is not None:
+                    self.say(node, node.level)
+            self.driver.at(self.driver.now.mono + 1)
+            if self.driver.now.mono % 10 == 0:
+                self.driver.graph("motor", *(each.publisher for each in self.nodes))
+            self.check()
+
+    def start_again(self, node: Node, level: int | None) -> None:
+        """A node is started again, and says what it is like or nothing."""
+        node.starts, node.level = node.starts + 1, None
+        if level is not None:
+            self.say(node, level)
+
+    def fall_silent(self, seconds: int) -> None:
+        """Nothing is received for some seconds."""
+        self.driver.at(self.driver.now.mono + seconds)
+        self.check()
+
+    def restart(self) -> None:
+        """The exporter is started again, with what it has written."""
+        before, again = self.driver, StateDriver(fleet=self.driver.state.fleet)
+        again.now = Instant(before.now.mono, WALL + before.now.mono)
+        again.state.restore({"r": before.robot.persist(before.now)}, again.now)
+        rows = json.loads(json.dumps(before.fault_rows()))
+        again.restore_faults([Row(kind, tuple(key), fields) for kind, key, fields in rows])
+        self.driver, self.ended = again, 0
+
+    def check(self) -> None:
+        """Nothing recovers that a node said last is ERROR."""
+        events = self.driver.events
+        for each in events[self.ended :]:
+            if each.reason == "recovered" and (each.component, each.state) == (NAME, "critical"):
+                said = {node.name: node.level for node in self.nodes}
+                assert ERROR not in said.values(), (self.driver.now.mono, said)
+        self.ended = len(events)
+
+    def check_end(self) -> None:
+        """What is ERROR is a fault in time, and what nobody says any more is none."""
+        self.go(int(LATEST))
+        self.go(15)
+        self.go(90)  # what is repeated, and was said once, counts for so long
+        found = self.driver.fault_names()
+        if ("flapping", "flapping", "r", NAME) in found:
+            return  # which says more
+        is_error = any(node.level == ERROR for node in self.nodes)
+        is_known = is_error or all(node.level is not None for node in self.nodes)
+        assert not is_known or (("component", "critical", "r", NAME) in found) is is_error, found
+
+
+def play(seed: int) -> None:
+    """Play up to 15 steps, the same for the same seed.
+
+    Raises:
+        AssertionError: something does not hold.
+    """
+    random = Random(seed)
+    repeats = random.random() < 0.5
+    rule = ComponentRule(Pattern(NAME), reports="always" if repeats else "on_change")
+    twins = Twins(StateDriver(components=(rule,)), repeats)
+    twins.driver.graph("motor", *(each.publisher for each in twins.nodes))
+    for node in twins.nodes:
+        twins.say(node, OK)
+    twins.go(30)
+    for _ in range(random.randrange(2, 15)):
+        node, level = random.choice(twins.nodes), random.choice((OK, OK, WARN, ERROR, ERROR))
+        what = random.choice(("say", "say", "say", "start_again", "fall_silent", "restart"))
+        if what == "restart":
+            twins.restart()
+        elif what == "fall_silent":
+            twins.fall_silent(random.choice((5, 15, 100)))
+        elif what == "start_again":
+            twins.start_again(node, random.choice((None, level)))
+        else:
+            twins.say(node, level)
+        twins.go(random.choice((0, 1, 12, 40)))
+    twins.check_end()
