@@ -65,7 +65,7 @@ class RobotRegistry:
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
         self._other_types: dict[Domain, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
         self._listened_since: dict[Domain, float] = {}  # monotonic; none: not yet
-        self._started = now.mono
+        self._configured = now.mono  # when fleet.yml last said whom to listen to
         for _robot in self.configure(fleet, now):
             pass
 
@@ -75,7 +75,7 @@ class RobotRegistry:
         Between two steps arrays may be received, and robots added and dropped. Yields the robot of
         the step, None for one that is not wanted.
         """
-        self._fleet = fleet
+        self._fleet, self._configured = fleet, now.mono
         self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
         self._newcomers_series.limit = fleet.limits.series // NEWCOMERS_SHARE
@@ -175,7 +175,8 @@ class RobotRegistry:
             settings, self._fleet.limits, series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
-        robot.listened_since = self._listened_since.get(settings.domain_id, self._started)
+        domain_since = self._listened_since.get(settings.domain_id, self._configured)
+        robot.listened_since = max(domain_since, self._configured)
         if is_new:
             self._newcomers.note(robot, now)
         self.robots[settings.name] = robot

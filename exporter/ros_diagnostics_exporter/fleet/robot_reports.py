@@ -68,6 +68,7 @@ class RobotReports:
         self._received: set[Component] | None = None  # since its return, where that matters
         self._first: set[Component] = set()  # of these, with the report under way
         self._unjudged: set[tuple[Component, str]] = set()  # values, since the first
+        self._resumed: dict[Component, float] = {}  # with the last report, which was before that
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
@@ -277,6 +278,11 @@ class RobotReports:
             return faults.robot_silent(robot.settings.name, since, now)
         self._everything = True
         self._received = set() if robot.settings.profile.boot_grace else None
+        self._resumed = {
+            each: each.last_report
+            for each in robot.components
+            if each.is_on_change and each.last_report != robot.last_mono
+        }
         self._unjudged.clear()
         self._awaited.await_raw()
         # What was there before the exporter listened has not booted.
@@ -404,6 +410,8 @@ class RobotReports:
             self._received |= {each for each in self._first if self._is_judged(each)}
 
     def _is_judged(self, component: Component) -> bool:
+        if self._resumed.get(component) == component.last_report:
+            return False  # it is as it was before the robot went
         is_suppressed = self._find_suppression(component) is not None
         return component.level == Level.OK or not (component.is_stale or is_suppressed)
 

@@ -156,11 +156,12 @@ class Component:
 
     def skip_to(self, mono: float) -> None:
         """Count towards `ends_at` from then on."""
-        if self._last_report > -inf:
-            self.skip(mono - self._last_report)
+        if self.last_report > -inf:
+            self.skip(mono - self.last_report)
 
     @property
-    def _last_report(self) -> float:
+    def last_report(self) -> float:
+        """When it was published last, without the time that does not count, monotonic."""
         times = (self.received, self.raw_received)
         return max((each for each in times if each is not None), default=-inf)
 
@@ -168,9 +169,9 @@ class Component:
     def ends_at(self) -> float:
         """When trouble published only on a change is over; it waits while its robot is silent."""
         after = None if self.rule is None else self.rule.ends_after
-        if after is None or self.level == OK or not self.reports or self._last_report == -inf:
+        if after is None or self.level == OK or not self.reports or self.last_report == -inf:
             return inf
-        return after + self._last_report
+        return after + self.last_report
 
     @property
     def reports(self) -> bool:
@@ -277,15 +278,16 @@ class Component:
             since=since,
             message=self.message,
             listed=now.wall - (now.mono - self.listed),
-            said=self._levels_said(),
+            said=self._persisted_said(),
         )
 
-    def _levels_said(self) -> dict[str, int]:
-        """The level that each publisher said last, where one is not OK."""
+    def _persisted_said(self) -> dict[str, tuple[int, bool]]:
+        """What each publisher said last, where something of it is wrong."""
         if self.said is not None:
-            return {publisher: each.status.level for publisher, each in self.said.items()}
-        is_wrong = self.publisher and self.published not in (None, OK)
-        return {self.publisher: self.published or OK} if is_wrong else {}
+            return {name: (each.status.level, each.is_beyond) for name, each in self.said.items()}
+        level, is_beyond = self.published or OK, self.values.beyond
+        is_wrong = self.publisher and (level != OK or is_beyond)
+        return {self.publisher: (level, is_beyond)} if is_wrong else {}
 
     def restore(self, persisted: PersistedComponent, now: Instant) -> None:
         """Restore what an earlier process knew: STALE until it is received."""
@@ -303,8 +305,10 @@ class Component:
             self.resumes = persisted.level, persisted.since
         name, _group, _id = self.identity
         self.said = {
-            publisher: Said(Status(said, name, self.message, self.hardware_id), now.mono, FIRST_GAP)
-            for publisher, said in persisted.said.items()
+            publisher: Said(
+                Status(said, name, self.message, self.hardware_id), now.mono, FIRST_GAP, is_beyond
+            )
+            for publisher, (said, is_beyond) in persisted.said.items()
         } or None
 
     def note_raw(self, mono: float) -> None:

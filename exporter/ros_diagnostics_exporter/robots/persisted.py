@@ -23,7 +23,8 @@ class PersistedComponent:
     """One component; ``identity`` as in ``component``, times are Unix time.
 
     ``name`` is the one that it keeps until its fault is over, where its identity has another;
-    ``reported`` the level that was published last, ``said`` those by each publisher.
+    ``reported`` the level that was published last, ``said`` those by each publisher, and
+    whether a value of it was beyond a threshold.
     """
 
     identity: tuple[Text, Text, Text]
@@ -36,7 +37,7 @@ class PersistedComponent:
     listed: Moment
     name: Text | None = None
     reported: Published | None = None
-    said: dict[Text, Published] = field(default_factory=dict)
+    said: dict[Text, tuple[Published, bool]] = field(default_factory=dict)
 
     def shifted(self, later: float, latest: float) -> PersistedComponent:
         """It, listed ``later`` by so many seconds, and nothing of it after ``latest``."""

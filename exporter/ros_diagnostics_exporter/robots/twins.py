@@ -106,12 +106,15 @@ def worst(component: Component, components: Components, writers: Writers, now: I
         is_gone = not is_seen and at + LOOK_TIME < writers.at
         if publisher != latest and (is_gone or now.mono - at > after):
             del said[publisher]
-    counted = max(said.values(), key=lambda each: (severity(each.status), each.is_beyond, each.at))
+    counted = max(
+        said.values(), key=lambda each: (severity(each.status, component), each.is_beyond, each.at)
+    )
     if len(said) == 1:
         component.publisher, component.said = latest, None
     return counted.status
 
 
-def severity(status: Status) -> int:
+def severity(status: Status, component: Component | None) -> int:
     """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
-    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
+    level = status.level if component is None else component.effective_level(status.level)
+    return {0: 0, 1: 1, STALE: 2}.get(level, 3)

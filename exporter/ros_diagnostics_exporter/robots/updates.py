@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Container, Mapping, Sequence
+from functools import partial
 
 from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import (
@@ -196,7 +197,8 @@ class RawUpdates:
             identity = self._identity(status)
             if identity in found:
                 self._reject("duplicate_component", status.name)
-                found[identity] = max(found[identity], status, key=severity)
+                rank = partial(severity, component=self._components.by_identity.get(identity))
+                found[identity] = max(found[identity], status, key=rank)
             else:
                 found[identity] = status
         return list(found.values())

@@ -223,3 +223,25 @@ def test_a_value_whose_condition_is_not_known_with_the_first_message_has_it_too(
     assert TOO_LOW not in driver.fault_names()
     driver.raw_every(1, SETTLED + 190, battery("5"), mode)
     assert TOO_LOW in driver.fault_names()
+
+
+def test_what_reports_only_changes_has_it_with_what_it_says_first_after_the_silence():
+    """That it was OK before is nothing that it said since."""
+    rule = ComponentRule(pattern=Pattern("Lidar"), reports="on_change")
+    driver = booted(Status(OK, "Motor"), components=(rule,))
+    driver.raw_every(1, SETTLED + 70, Status(OK, "Motor"))
+    driver.raw(Status(ERROR, "Lidar"))
+    driver.raw_every(1, SETTLED + 170, Status(OK, "Motor"))
+    assert driver.fault_names() == set()
+    driver.raw_every(1, SETTLED + 190, Status(OK, "Motor"))
+    assert driver.fault_names() == {CRITICAL}
+
+
+def test_no_robot_boots_because_a_reload_has_it():
+    driver = StateDriver(boot_grace=120.0)
+    fleet = driver.state.fleet
+    driver.state.configure(replace(fleet, robots=()), driver.now)
+    driver.at(600)
+    driver.state.configure(fleet, driver.now)
+    driver.raw_every(1, 650, Status(ERROR, "Lidar"))
+    assert driver.fault_names() == {CRITICAL}

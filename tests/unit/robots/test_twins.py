@@ -9,7 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.model import Status
-from support.state_driver import ERROR, OK, STALE, StateDriver, tree
+from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 LEFT, RIGHT = (Status(OK, "lidar: Status", "scanning", side) for side in ("left", "right"))
 FRONT, REAR = (
@@ -191,8 +191,10 @@ def on(driver: StateDriver, seconds: float) -> None:
 
 
 def recovered(driver: StateDriver) -> list[str]:
-    ends = (each.fault.identity.component for each in driver.state.served()[1])
-    return [name for name in ends if name]
+    """The components of which a fault recovered since the start, also of those that began again."""
+    return [
+        each.component for each in driver.events if each.reason == "recovered" and each.component
+    ]
 
 
 def test_one_of_two_that_says_ok_once_is_no_end_of_what_the_other_said():
@@ -259,3 +261,23 @@ def test_twins_that_repeat_it_are_the_same_after_a_restart_and_a_silence(tmp_pat
     nodes.stand(60, well, hot)
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
     assert recovered(nodes.driver) == []
+
+
+def test_so_are_their_values(tmp_path):
+    nodes, full = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="")
+    low = full._replace(values=(("Charge (%)", "2"),))
+    nodes.stand(60, low, full)
+    found = nodes.faults
+    assert [each[0] for each in found] == ["value"]
+    nodes.driver = nodes.driver.again(tmp_path / "state")
+    nodes.driver.at(1)
+    nodes.publishers = ("b", "a")
+    nodes.stand(60, full, low)
+    assert (nodes.faults, recovered(nodes.driver)) == (found, [])
+
+
+def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse():
+    rule = ComponentRule(re.compile("lidar"), levels={ERROR: OK})
+    nodes, same = Nodes("a", "b", components=(rule,)), LEFT._replace(hardware_id="")
+    nodes.stand(60, same._replace(level=ERROR), same._replace(level=WARN))
+    assert nodes.faults == {("component", "warning", "r", "lidar", "lidar: Status")}
