@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.silences import (
     downtime_of,
     identity_of,
     moment,
+    since_text,
 )
 from ros_diagnostics_exporter.silences import silence as plain_silence
 from ros_diagnostics_exporter.texts import one_line
@@ -109,7 +110,7 @@ def problems(alerts: Iterable[Alert]) -> list[Acknowledgeable]:
     for alert in alerts:
         labels = alert.labels
         is_fault = {"scope", "state"} <= labels.keys()
-        problem = Acknowledgeable(labels, alert.annotations.get("since", "") if is_fault else "")
+        problem = Acknowledgeable(labels, since_text(alert.annotations) if is_fault else "")
         others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
         if problem.since or (others and labels.get("severity") != "info"):
             known = found.setdefault(key := frozenset(problem.matchers.items()), problem)

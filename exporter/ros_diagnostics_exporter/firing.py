@@ -6,13 +6,21 @@ Alertmanager may have made these alerts: what is no fault as the rules make them
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, severity_of
-from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment
+from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment, since_text
 
 EVIDENCE_LENGTH = 640
+# The evidence of a fault is one text, because rules expand each annotation at each evaluation: what
+# was known, and last what the robot can no longer do. That of an end says when, or who removed it.
+SEPARATOR = ";\n"
+THE_ROBOT = "the robot "
+REMOVED = "removed by a person"
+_OF_END = re.compile(rf"{REMOVED}|ended [-0-9]+ [0-9:]+ UTC, after [0-9a-z]+")
+_PREFIX = "Last received: "  # of the rules
 # The others are the robot's own.
 _OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}
 
@@ -24,23 +32,25 @@ def read(alerts: Iterable[Alert], fleet: str, exporter: str) -> list[Fault]:
 
 
 def _one(alert: Alert, fleet: str, exporter: str) -> Fault | None:
-    labels, notes = alert.labels, alert.annotations
+    labels, (_since, *known) = alert.labels, alert.annotations.get("evidence", "").split(SEPARATOR)
     try:
-        identity, since = _identity(labels), moment(notes["since"])
+        identity, since = _identity(labels), moment(since_text(alert.annotations))
     except (KeyError, ValueError):
         return None  # no alert as the rules make them
     is_ours = bool(identity.robot) or labels.get("exporter", "") == exporter
-    is_wrong = severity_of(identity) != labels["severity"] or notes.get("end")
+    is_over = bool(known) and _OF_END.fullmatch(known[-1].removeprefix(_PREFIX)) is not None
+    is_wrong = severity_of(identity) != labels["severity"] or is_over
     if labels.get("fleet") != fleet or not is_ours or is_wrong or since is None:
         return None
     own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
-    lines = (clean(each, EVIDENCE_LENGTH) for each in notes.get("evidence", "").split("\n"))
-    known = (
-        "\n".join(lines)[:EVIDENCE_LENGTH],
-        clean(notes.get("capabilities", ""), EVIDENCE_LENGTH),
+    can = known.pop() if known and known[-1].startswith(THE_ROBOT) else ""
+    lines = (clean(line, EVIDENCE_LENGTH) for line in SEPARATOR.join(known).split("\n"))
+    texts = (
+        "\n".join(lines).removeprefix(_PREFIX)[:EVIDENCE_LENGTH],
+        clean(can.removeprefix(THE_ROBOT), EVIDENCE_LENGTH),
     )
     labels_of_robot = MappingProxyType(own if identity.robot else {})
-    return Fault(identity, since, alert.starts_at, labels_of_robot, *known)
+    return Fault(identity, since, alert.starts_at, labels_of_robot, *texts)
 
 
 def _identity(labels: Mapping[str, str]) -> Identity:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from ros_diagnostics_exporter.model import Unclaimed
 from ros_diagnostics_exporter.texts import natural, unique_without_node
 
-SEVERITIES = {  # the ranks of prometheus/rules/states.yml
+SEVERITIES = {  # the ranks of metrics and of prometheus/rules/states.yml
     "CRITICAL": 6,
     "SILENT": 5,
     "UNREACHABLE": 3,
@@ -138,11 +138,16 @@ def state_of(robot: dict[str, Any]) -> str:
     of its uplink or its DDS domain.
     """
     if not robot["up"]:
-        return _OF_REASON.get(robot["silent_reason"], "SILENT")
+        return silent_state(robot["silent_reason"])
     words = [judged_state(each) for each in robot["components"]]
     # With a fault it is not OK, though no level says so, as of a value, or while a component flaps.
     words += [problem_state(each) for each in robot["problems"] if each["confirmed"] is not None]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
+
+
+def silent_state(reason: str | None) -> str:
+    """The state of a robot that is not received for this reason."""
+    return _OF_REASON.get(reason or "", "SILENT")
 
 
 def problem_state(problem: dict[str, Any]) -> str:

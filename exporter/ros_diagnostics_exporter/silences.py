@@ -58,6 +58,15 @@ def moment(text: str) -> float | None:
         return None
 
 
+_SINCE = re.compile(r"since ([^;\n]+)")
+
+
+def since_text(annotations: Mapping[str, str]) -> str:
+    """When the fault of an alert began, as the rules write it; "" where it is of no fault."""
+    found = _SINCE.match(annotations.get("evidence", ""))
+    return "" if found is None else found[1]
+
+
 def clean(words: str, length: int) -> str:
     """One line of what a person wrote: nothing unprintable, no longer than ``length``."""
     line = " ".join("".join(each if each.isprintable() else " " for each in words).split())

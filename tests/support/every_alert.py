@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from support.shipped_rules import PROMTOOL_TESTS, read_yaml
@@ -34,12 +35,14 @@ def _alert(name: str, expected: dict[str, Any]) -> dict[str, Any]:
     texts = dict(expected.get("exp_annotations", {}))
     if "since" in texts:
         texts["since"] = SINCE
+    if texts.get("evidence", "").startswith("since "):
+        texts["evidence"] = re.sub("^since [^;]*", f"since {SINCE}", texts["evidence"])
     labels = {**expected["exp_labels"], "alertname": name}
     return {"labels": labels, "annotations": texts, "startsAt": BEGAN}
 
 
 def _steps(fault: dict[str, Any]) -> list[dict[str, Any]]:
-    texts = {"evidence": fault["annotations"].get("evidence", ""), "since": SINCE}
+    texts = {"evidence": fault["annotations"].get("evidence", f"since {SINCE}")}
     if fault["labels"].get("component") and fault["labels"].get("robot"):
         texts["message"] = "drive switched off"
     of_exporter = "of" in fault["labels"]

@@ -107,7 +107,7 @@ class WatchedFleet(ABC):
         """Count a message on a wanted topic that could not be decoded."""
         with self._lock:
             for robot, _raw in self._registry.bindings.get(topic, ()):
-                robot.reject_undecodable()
+                robot.reject_undecodable(now)
                 log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
 
     def reject_dropped(self, topic: Topic, count: int) -> None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from math import isfinite
 from operator import attrgetter, itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Profile
+from ros_diagnostics_exporter.config.profiles import ALL
 from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentName, Reason
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.missions import mission_samples
+from ros_diagnostics_exporter.metrics.states import check_state, robot_state
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import PlannedBy
@@ -25,7 +27,7 @@ from ros_diagnostics_exporter.texts import escape, one_line
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
 STATES = {state: number for number, state in enumerate(CAPABILITY_STATES)}
-_WORDS = tuple(level.name.lower() for level in Level)
+LEVELS = tuple(level.name.lower() for level in Level)
 
 
 def number(value: float) -> str:
@@ -58,7 +60,8 @@ class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock.
 
     ``chunks`` and ``series`` are by family: its samples, and how many these are. ``changed`` are
-    the families whose chunks are others than when it was last cleared.
+    the families whose chunks are others than when it was last cleared. ``levels`` is how many
+    components stand at each level.
     """
 
     def __init__(self, fleet: str, exporter: str, robot: RobotState, state: FleetState) -> None:
@@ -69,6 +72,7 @@ class RobotText:
         self.series: dict[str, int] = {}
         self.changed: set[str] = set()
         self.promoted: set[str] = set()
+        self.levels: Sequence[int] = (0,) * len(LEVELS)
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._begin = "{" + self._base  # of the labels of each sample
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
@@ -299,9 +303,12 @@ class RobotText:
             self._reasons.add(reason)
         reasons = {each: float(each == reason) for each in sorted(self._reasons)}
         self._by_reason(metrics.ROBOT_SILENT_REASON, reasons)
+        self._set_one(metrics.ROBOT_STATE, robot_state(self.robot))
 
     def _render_rejections(self) -> None:
         self._by_reason(metrics.ROBOT_REJECTED, self.robot.rejected)
+        last = {reason: round(at, 3) for reason, at in self.robot.rejected_at.items()}
+        self._by_reason(metrics.ROBOT_REJECTED_AT, last)
 
     def _by_reason(self, family: Family, values: Mapping[str, float]) -> None:
         self._set(
@@ -342,6 +349,7 @@ class RobotText:
         )
         self._render_followed(shown)
         self._render_checks()
+        self._set_one(metrics.ROBOT_STATE, robot_state(self.robot))
         family = metrics.CAPABILITY_STATE
         self._set(
             family,
@@ -380,15 +388,20 @@ class RobotText:
         self._set(family, lines)
 
     def _render_checks(self) -> None:
-        family = metrics.CHECK_COMPONENTS
-        self._set(
-            family,
-            (
-                self._one(family, count, f',check="{escape(check)}",level="{_WORDS[level]}"')
-                for check, counts in self.robot.components.count_checks()
-                for level, count in enumerate(counts)
-            ),
-        )
+        expected = {each.name: each.expect for each in self.robot.settings.profile.checks}
+        counted, states = [], []
+        for check, counts in self.robot.components.count_checks():
+            labels = f',check="{escape(check)}"'
+            counted += [
+                self._one(metrics.CHECK_COMPONENTS, count, f'{labels},level="{word}"')
+                for word, count in zip(LEVELS, counts, strict=True)
+            ]
+            state = check_state(self.robot, counts, expected[check])
+            states.append(self._one(metrics.CHECK_STATE, state, labels))
+            if check == ALL:
+                self.levels = counts
+        self._set(metrics.CHECK_COMPONENTS, counted)
+        self._set(metrics.CHECK_STATE, states)
 
     def _render_values(self) -> None:
         for name, values in self._values.items():

@@ -16,10 +16,11 @@ from typing import NamedTuple
 
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.faults.model import End, Fault, Identity, Scope, as_texts, fault_id
+from ros_diagnostics_exporter.firing import REMOVED, SEPARATOR, THE_ROBOT
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import STATES, RobotText, number
+from ros_diagnostics_exporter.metrics.cache import LEVELS, STATES, RobotText, number
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
@@ -113,18 +114,19 @@ def _end(fleet: str, exporter: str, end: End) -> str:
 
 
 def _known_of_end(end: End) -> str:
-    """The message, and for mails the fault's own end: of a sample, rules pass on the text only."""
-    if end.fault is None:
-        return ""
-    at = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(end.at))
-    lasted = written(int(end.at) - int(end.fault.since))
-    return ";\n".join(filter(None, (end.message, f"ended {at} UTC, after {lasted}")))
+    """Who or what ended it, and when: of a sample, rules pass on the text only."""
+    known = [REMOVED if end.reason == "removed" else end.message]
+    if end.fault is not None:
+        at = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(end.at))
+        known.append(f"ended {at} UTC, after {written(int(end.at) - int(end.fault.since))}")
+    return SEPARATOR.join(filter(None, known))
 
 
 def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = _all_labels(fleet, exporter, fault)
     labels = label_pairs(identity)
-    known = {"evidence": fault.evidence, "capabilities": fault.capabilities}
+    can = fault.capabilities and f"{THE_ROBOT}{fault.capabilities}"
+    known = {"evidence": SEPARATOR.join(filter(None, (fault.evidence, can)))}
     return _Lines(
         fault,
         labels,
@@ -270,6 +272,7 @@ class Exposition:
             ),
             metrics.FAULT_MEMBER.name: self._members(faults),
             metrics.SITE_RECEIVED.name: self._received(),
+            metrics.FLEET_COMPONENTS.name: self._components(),
             **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
             metrics.DOWNTIME_END.name: self._downtimes(),
         }
@@ -316,6 +319,16 @@ class Exposition:
         return "".join(
             f"{name}{{{own}{site and ','}{label_pairs({'site': site})}}} {number}\n"
             for site, number in sorted(received.items())
+        ).encode()
+
+    def _components(self) -> bytes:
+        """How many components of all robots stand at each level."""
+        fleet, name = self._state.fleet, metrics.FLEET_COMPONENTS.name
+        counts = zip(*[each.levels for each in self._texts.values()], strict=True)
+        own = label_pairs({"fleet": fleet.name, "exporter": fleet.exporter})
+        return "".join(
+            f'{name}{{{own},level="{level}"}} {sum(of_robots)}\n'
+            for level, of_robots in zip(LEVELS, counts, strict=bool(self._texts))
         ).encode()
 
     def _downtimes(self) -> bytes:

@@ -62,6 +62,14 @@ ROBOT_SILENT_REASON = _family(
     (*ROBOT, "reason"),
     part=Part.FAULTS,
 )
+ROBOT_STATE = _family(
+    "robot_state",
+    "gauge",
+    "How urgent what is received of the robot is, confirmed or not: -1 PENDING, 0 OK, 1 WARNING, "
+    "2 STALE, 3 UNREACHABLE, 5 SILENT, 6 CRITICAL.",
+    ROBOT,
+    part=Part.FAULTS,
+)
 ROBOT_LAST_MESSAGE = _family(
     "robot_last_message_timestamp_seconds",
     "gauge",
@@ -148,11 +156,23 @@ ROBOT_REJECTED = _family(
     "Messages and parts of messages that were rejected, by reason; every reason from 0 on.",
     (*ROBOT, "reason"),
 )
+ROBOT_REJECTED_AT = _family(
+    "robot_last_rejected_timestamp_seconds",
+    "gauge",
+    "When something of the robot was last rejected (Unix time), by reason; absent until then.",
+    (*ROBOT, "reason"),
+)
 CHECK_COMPONENTS = _family(
     "check_components",
     "gauge",
     "Components that match the check and stand at the level (ok, warn, error, stale).",
     (*ROBOT, "check", "level"),
+)
+CHECK_STATE = _family(
+    "check_state",
+    "gauge",
+    "As robot_state, of the components that match the check; 6 where they are too few.",
+    (*ROBOT, "check"),
 )
 CHECK_EXPECTED = _family(
     "check_expected_components",
@@ -296,6 +316,12 @@ SITE_RECEIVED = _family(
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
+FLEET_COMPONENTS = _family(
+    "fleet_components",
+    "gauge",
+    "Components of all robots that stand at the level (ok, warn, error, stale).",
+    (*EXPORTER, "level"),
+)
 FLEET_CAPABILITY_STATE = _family(
     "fleet_capability_state",
     "gauge",
@@ -334,6 +360,7 @@ FLEET_FAMILIES = (
     ROBOT_LAST_MESSAGE,
     ROBOT_STALE_AFTER,
     ROBOT_STALE_IS_CRITICAL,
+    ROBOT_STATE,
     ROBOT_MAINTENANCE,
     ROBOT_MESSAGES,
     ROBOT_MESSAGE_BYTES,
@@ -346,7 +373,9 @@ FLEET_FAMILIES = (
     ROBOT_WATCHED,
     ROBOT_EXPECTED_NODES,
     ROBOT_REJECTED,
+    ROBOT_REJECTED_AT,
     CHECK_COMPONENTS,
+    CHECK_STATE,
     CHECK_EXPECTED,
     CAPABILITY_STATE,
     COMPONENT_LEVEL,
@@ -374,10 +403,10 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the problem of a fault began (Unix time). The labels have the details at the time of its "
-    "confirmation, at most 640 characters, and the lost capabilities. Present until the fault "
-    "ends. After a restart it is absent until the fault is confirmed anew.",
-    (*FAULT, "evidence", "capabilities"),
+    "When the problem of a fault began (Unix time). The evidence has the details at its "
+    "confirmation, and what the robot can no longer do. Present until the fault ends. After a "
+    "restart it is absent until the fault is confirmed anew.",
+    (*FAULT, "evidence"),
     open=True,
     part=Part.FAULTS,
 )
@@ -427,6 +456,7 @@ FAULT_FAMILIES = (
     FAULT_MEMBER,
     FAULT_END,
     SITE_RECEIVED,
+    FLEET_COMPONENTS,
     FLEET_CAPABILITY_STATE,
     FLEET_CAPABILITY_ROBOTS,
     DOWNTIME_END,

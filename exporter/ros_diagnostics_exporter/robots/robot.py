@@ -119,6 +119,7 @@ class RobotState:
         self.downtimes: tuple[Downtime, ...] = ()  # that people planned
         self.maintained: frozenset[str] = frozenset()  # names of components in one of their own
         self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
+        self.rejected_at: dict[str, float] = {}  # when last, by reason, Unix time
         self._logged: set[RejectionReason] = set()
         self._events = events
         self._auto = AutoSource()
@@ -267,14 +268,17 @@ class RobotState:
         for component in (*self.measured.follow(feeds), *self._fields.lost(names)):
             self.forget(component, now)
 
-    def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
-        """Count something that was rejected."""
+    def count_rejected(
+        self, reason: RejectionReason, count: int = 1, now: Instant | None = None
+    ) -> None:
+        """Count something that was rejected, by default of the last message."""
         self.rejected[reason] += count
+        self.rejected_at[reason] = self.last_wall if now is None else now.wall
         self.marks.note(Mark.REJECTED)
 
-    def reject_undecodable(self) -> None:
+    def reject_undecodable(self, now: Instant) -> None:
         """Count a message that could not be decoded: why the robot is silent, if it is."""
-        self.count_rejected("undecodable")
+        self.count_rejected("undecodable", now=now)
         self.undecodable = True
 
     def reject(self, reason: RejectionReason, example: str) -> None:

@@ -240,7 +240,8 @@ def components_by_state() -> stat.Panel:
             "Components",
             "How many components are in each state? In the chosen fleets; site and group do not "
             "apply.",
-            'sum by (level) (fleet:ros_diagnostics_components:count{fleet=~"$fleet"})',
+            "sum by (level) (max by (fleet, exporter, level) "
+            '(ros_diagnostics_fleet_components{fleet=~"$fleet"}))',
             "level",
             LEVELS,
         )

@@ -277,7 +277,7 @@ def checks() -> table.Panel:
             "What is the state of the checks of fleet.yml, and do they find as many components as "
             "expected?",
             {
-                "A": f"check:ros_diagnostics_state:rank{{{_ROBOT}}}",
+                "A": f"max by (fleet, robot, check) (ros_diagnostics_check_state{{{_ROBOT}}})",
                 "B": f"sum by (fleet, robot, check) ({_FOUND})",
                 "C": f"max by (fleet, robot, check) ({_EXPECTED})",
             },

@@ -20,7 +20,7 @@ Running = tuple[Callable[..., None], Callable[[str], list[dict[str, str]]], Call
 
 
 def motor(state: str = "critical", since: str = SINCE, **labels: str) -> dict[str, Any]:
-    return {**fault("Motor 1", state, **labels), "annotations": {"since": since}}
+    return {**fault("Motor 1", state, **labels), "annotations": {"evidence": f"since {since}"}}
 
 
 def escalation(step: str = "1", since: str = SINCE) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def firing(fault: dict[str, Any]) -> dict[str, Any]:
             "fleet": "hall",
             "fault": fault["fault"],
         },
-        "annotations": {"since": f"{since:%Y-%m-%d %H:%M:%S.%f}"[:-3] + " +0000 UTC"},
+        "annotations": {"evidence": f"since {since:%Y-%m-%d %H:%M:%S.%f}"[:-3] + " +0000 UTC"},
     }
 
 

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.faults.model import CapabilityState
+from ros_diagnostics_exporter.firing import REMOVED
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import STATES
@@ -213,6 +214,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
     assert found == {
         "capability_state": [3],
         "check_components": [0, 1, 1, 2],
+        "check_state": [6],
         "component_changes_total": [0, 0, 1, 1],
         "component_flap_ratio": [0.0625] * 3,
         "component_info": [1] * 4,
@@ -229,10 +231,12 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_value_threshold": [22],
         "fault_member": [1],
         "fault_start_timestamp_seconds": [begin + 1],
+        "fleet_components": [0, 1, 1, 2],
         "group_level": [0],
         "robot_expected_nodes": [0],
         "robot_info": [1],
         "robot_last_message_timestamp_seconds": [begin + 1],
+        "robot_last_rejected_timestamp_seconds": [begin],
         "robot_link_clock_offset_seconds": [0],
         "robot_link_delay_seconds": [0.1],
         "robot_link_jitter_seconds": [0.01],
@@ -244,6 +248,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "robot_rejected_total": [0] * 9 + [1],
         "robot_stale_after_seconds": [5],
         "robot_stale_is_critical": [0],
+        "robot_state": [6],
         "robot_up": [1],
         "ros_battery_charge_ratio": [0.17],
         "site_received_robots": [1],
@@ -337,7 +342,7 @@ def test_the_end_of_a_fault_says_as_text_when_it_ended_and_how_long_it_lasted():
 
     driver.state.forget("r", None, driver.now)
     ends = driver.samples()["fault_end_timestamp_seconds"]
-    assert [dict(each).get("evidence") for each in ends if "fault" not in dict(each)] == [None]
+    assert [dict(each)["evidence"] for each in ends if "fault" not in dict(each)] == [REMOVED]
 
 
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
@@ -523,7 +528,7 @@ def test_what_alerts_on_faults_need_is_a_part():
         *("fault_start_timestamp_seconds", "fault_member"),
         "component_problem_level",
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
-        *("robot_info", "robot_stale_is_critical", "site_received_robots"),
+        *("robot_info", "robot_stale_is_critical", "robot_state", "site_received_robots"),
         "canary_start_timestamp_seconds",
     }
 

@@ -196,7 +196,7 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
     shared = {"fleet", "exporter", "fault", "scope", "state", "severity"}
     shared |= {"robot", "component", "team"}
     for family, own in (
-        (metrics.FAULT_START, {"evidence", "capabilities"}),
+        (metrics.FAULT_START, {"evidence"}),
         (metrics.FAULT_END, {"reason", "evidence"}),
         (metrics.FAULT_ACKNOWLEDGED, {"author", "comment"}),
         (metrics.FAULT_NOTIFIED, {"receiver"}),

@@ -188,9 +188,8 @@ def test_mail_has_fault_evidence_links_and_commands(render, part):
         "firing",
         {**CRITICAL, "site": "hall"},
         description="What it means.",
-        evidence="over <current>;\nvalues: Current: 12 A",
-        capabilities="cannot drive; values: none",
-        since="2026-01-01 10:00:00.123 +0000 UTC",
+        evidence="since 2026-01-01 10:00:00.123 +0000 UTC;\nover <current>;\n"
+        "values: Current: 12 A;\nthe robot cannot drive; values: none",
     )
 
     output = render(f"email.{part}", problem)
@@ -395,16 +394,12 @@ def view(**states: str) -> dict[str, Any]:
         data(
             status,
             {**VIEW, **OF_STATE[state], "state": state},
-            end="" if status == "firing" else "recovered",
-            evidence=f"evidence of {state}",
-            capabilities="has no reserve for front view",
+            evidence=f"evidence of {state};\nthe robot has no reserve for front view",
         )["alerts"][0]
         for state, status in states.items()
     ]
     group = data("firing" if "firing" in states.values() else "resolved", VIEW)
-    ends = {each["annotations"]["end"] for each in alerts}
-    common = {"end": ends.pop()} if len(ends) == 1 else {}
-    return {**group, "alerts": alerts, "commonAnnotations": common}
+    return {**group, "alerts": alerts}
 
 
 def test_what_is_no_longer_lost_and_has_no_reserve_is_one_mail(render, with_pages):
@@ -525,7 +520,7 @@ OWN_ENDS = [
 @pytest.mark.parametrize(("evidence", "shown"), OWN_ENDS)
 def test_a_recovery_has_the_faults_own_end_not_that_of_its_alert(render, part, evidence, shown):
     since = "2025-12-28 08:59:56.5 +0000 UTC"
-    over = data("resolved", CRITICAL, end="recovered", evidence=evidence, since=since)
+    over = data("resolved", CRITICAL, evidence=f"since {since};\n{evidence}")
     mail = html.unescape(render(f"email.{part}", over))
 
     assert "It lasted from 2025-12-28 08:59:56 UTC to 2025-12-31 09:59:58 UTC: 3 d 1 h 2 s." in mail
@@ -548,7 +543,7 @@ FOR = [
 def test_an_escalation_says_how_long_it_has_lasted_and_what_is_known_now(
     render, part, since, lasted
 ):
-    known = {"evidence": "over current", "message": "drive  off\u2028", "since": since}
+    known = {"evidence": f"since {since};\nover current", "message": "drive  off\u2028"}
     mail = html.unescape(render(f"email.{part}", data("firing", escalation(FAULT), **known)))
 
     began = re.sub(r"(\.\d+)? \+0000", "", since)
@@ -666,7 +661,7 @@ BY_SMS = [
 @pytest.mark.parametrize(("status", "fault", "text"), BY_SMS)
 def test_text_message_of_an_escalation_and_of_its_end(render, status, fault, text):
     since = "2025-12-31 09:44:50.123 +0000 UTC"
-    output = render("sms", data(status, escalation(fault), evidence="hot", since=since))
+    output = render("sms", data(status, escalation(fault), evidence=f"since {since};\nhot"))
 
     assert output == f"ESCALATION 1{' ENDED' if status == 'resolved' else ' 09:44 UTC'} f: {text}"
 
@@ -736,8 +731,7 @@ def test_a_mail_has_the_colours_of_the_state_that_the_pages_have(render, status,
 def test_the_end_by_ends_after_says_that_nobody_knows_whether_it_works(render, part, ends_after):
     ended = data("resolved", CRITICAL)
     ended["alerts"][0]["annotations"] = ended["commonAnnotations"] = {
-        "end": "recovered",
-        "evidence": f"OK: not reported again for {ends_after}",
+        "evidence": f"OK: not reported again for {ends_after};\nended {ENDED}",
         "summary": "Motor 1 of r1 is CRITICAL.",
     }
     text = html.unescape(render(f"email.{part}", ended))
@@ -747,7 +741,7 @@ def test_the_end_by_ends_after_says_that_nobody_knows_whether_it_works(render, p
     )
     assert "a fresh message with a better level" not in text
     for of_driver in (f"OK: not reported again for {ends_after}, it says", "OK: running"):
-        ended["alerts"][0]["annotations"]["evidence"] = of_driver
+        ended["alerts"][0]["annotations"]["evidence"] = f"{of_driver};\nended {ENDED}"
         text = html.unescape(render(f"email.{part}", ended))
         assert f"a fresh message with a better level ({of_driver})." in text
 
@@ -755,14 +749,13 @@ def test_the_end_by_ends_after_says_that_nobody_knows_whether_it_works(render, p
 def test_what_a_person_removed_is_no_recovery_and_a_recovery_says_what_ended_it(render):
     ended = data("resolved", CRITICAL)
     ended["alerts"][0]["annotations"] = ended["commonAnnotations"] = {
-        "end": "recovered",
-        "evidence": "OK: running",
+        "evidence": f"OK: running;\nended {ENDED}",
         "summary": "Motor 1 of r1 is CRITICAL.",
     }
     assert "(OK: running)." in render("email.text", ended)
     assert render("sms", ended).startswith("RECOVERY ")
 
-    ended["commonAnnotations"].update(end="removed", evidence="")
+    ended["commonAnnotations"].update(evidence=f"removed by a person;\nended {ENDED}")
     subject = render("email.subject", ended)
     assert subject == "** REMOVED ** f/r1 Motor 1 is no longer monitored"
     for kind in ("text", "html"):

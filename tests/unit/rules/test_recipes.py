@@ -32,6 +32,8 @@ INPUT = {
     'ros_diagnostics_robot_info{fleet="f", robot="r2", robot_group="red", site="hall"}': "1x420",
     'ros_diagnostics_robot_up{fleet="f", robot="r1"}': "1x420",
     'ros_diagnostics_robot_up{fleet="f", robot="r2"}': "1x299 0x120",
+    'ros_diagnostics_robot_state{fleet="f", robot="r1"}': "0x59 6x59 0x120 6x180",
+    'ros_diagnostics_robot_state{fleet="f", robot="r2"}': "0x299 5x120",
     'ros_diagnostics_robot_maintenance{fleet="f", robot="r1"}': "0x420",
     'ros_diagnostics_robot_maintenance{fleet="f", robot="r2"}': "0x420",
     f"ros_diagnostics_component_level{{{MOTOR}}}": "0x59 2x59 0x119 2x180",

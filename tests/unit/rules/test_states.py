@@ -44,7 +44,7 @@ PROFILE = {
         "drive": ["Motor", {"capability": "view"}],
     },
 }
-GROUPS = ("faults", "pairs", "states", "robot-faults")
+GROUPS = ("faults", "pairs", "states")
 
 
 def fleet_of(random: Random, name: str, path: Path) -> Fleet:

@@ -47,7 +47,11 @@ class FakeAlertmanager:
 
 def alert(since: str = SINCE, name: str = "RosDiagnosticsComponentCritical", **labels: str):
     of = {"alertname": name, **LABELS, **labels}
-    return {"labels": of, "annotations": {"since": since}, "status": {"state": "active"}}
+    return {
+        "labels": of,
+        "annotations": {"evidence": f"since {since}"},
+        "status": {"state": "active"},
+    }
 
 
 ESCALATION = alert(name="RosDiagnosticsUnacknowledged", step="1", since=SINCE)

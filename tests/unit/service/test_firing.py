@@ -22,12 +22,14 @@ MOTOR = {
     "group": "/Motor",
     "component": "Motor 1",
 }
-NOTES = {"since": "2026-01-01 10:00:00.5 +0000 UTC", "evidence": "over current", "end": ""}
+SINCE = "2026-01-01 10:00:00.5 +0000 UTC"
 SITE = {"fleet": "f", "scope": "site", "state": "silent", "severity": "critical", "site": "hall"}
 
 
-def alert(labels: dict[str, str], **notes: str) -> dict[str, Any]:
-    annotations = {**NOTES, **notes}
+def alert(
+    labels: dict[str, str], evidence: str = "over current", since: str = SINCE
+) -> dict[str, Any]:
+    annotations = {"evidence": f"since {since};\n{evidence}"}
     return {"labels": labels, "annotations": annotations, "startsAt": "2026-01-01T10:00:12.5Z"}
 
 
@@ -60,7 +62,9 @@ def test_a_fault_of_no_robot_is_that_of_the_exporter_of_its_name():
         alert({**MOTOR, "robot": "\ud800"}),
         alert({**MOTOR, **{f"l{number}": "x" for number in range(100)}}),
         alert(MOTOR, since="yesterday"),
-        alert(MOTOR, end="recovered"),  # on its way to resolve
+        alert(
+            MOTOR, "OK: running;\nended 2026-01-01 11:00:00 UTC, after 1h"
+        ),  # on its way to resolve
         {"labels": MOTOR},
         None,
     ],

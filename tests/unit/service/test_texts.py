@@ -164,7 +164,7 @@ ALERT = {
         "robot": "r\u202e\x1b[2J",
         "component": "[/bold]\x9b",
     },
-    "annotations": {"since": "2026-01-01 00:00:00 +0000 UTC"},
+    "annotations": {"evidence": "since 2026-01-01 00:00:00 +0000 UTC"},
 }
 
 

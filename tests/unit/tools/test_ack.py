@@ -23,7 +23,7 @@ MOTOR = {**CRITICAL, "robot": "r1", "group": "/Motor", "component": "Motor 1", "
 def alert(name: str, since: str | None = SINCE, **labels: str) -> dict[str, Any]:
     return {
         "labels": {"alertname": f"RosDiagnostics{name}", **labels},
-        "annotations": {} if since is None else {"since": since},
+        "annotations": {} if since is None else {"evidence": f"since {since}"},
     }
 
 
@@ -48,7 +48,10 @@ DATABASE = alert(
 )
 STALLED = alert("ExporterStalled", "2026", fleet="f", instance="e:1", severity="critical")
 INFO = alert("Watchdog", None, severity="info")
-FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
+FOREIGN = {
+    "labels": {"alertname": "DiskFull", "robot": "r1"},
+    "annotations": {"evidence": f"since {SINCE}"},
+}
 ALL = (
     OF_FLEET,
     COMPONENT,
@@ -223,7 +226,11 @@ def test_an_alert_and_its_escalation_are_one(server):
 
 def sent(labels: dict[str, str], *, state: str = "active") -> dict[str, Any]:
     """An alert of an escalation as Alertmanager has it."""
-    return {"labels": labels, "annotations": {"since": SINCE}, "status": {"state": state}}
+    return {
+        "labels": labels,
+        "annotations": {"evidence": f"since {SINCE}"},
+        "status": {"state": state},
+    }
 
 
 def test_a_step_that_was_sent_is_left_out_so_that_its_end_is_sent(server, capsys):
