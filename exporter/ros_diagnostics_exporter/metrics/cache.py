@@ -86,6 +86,7 @@ class RobotText:
         self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
         self._suppressed: Mapping[ComponentName, Reason] = {}  # as rendered
+        self._depends = True  # a component on another one, or a capability on any
 
     def update(self, *, everything: bool = True) -> None:
         """Render what changed since the last call.
@@ -105,7 +106,8 @@ class RobotText:
                 self._render_receipt()
             if values_due:
                 self._render_values()
-            self._render_suppressed()
+            if self._depends or self._suppressed:
+                self._render_suppressed()
             self._read_everything = marks.count
 
     def _update_parts(self, read: int) -> None:
@@ -238,6 +240,9 @@ class RobotText:
     def _render_inventory(self) -> None:
         robot, settings = self.robot, self.robot.settings
         profile = settings.profile
+        self._depends = bool(profile.capabilities) or any(
+            each.depends_on for each in profile.components
+        )
         fixed = {
             "ros_namespace": settings.namespace,
             "domain_id": str(settings.domain_id),

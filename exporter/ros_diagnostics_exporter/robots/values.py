@@ -209,6 +209,7 @@ class ComponentValues:
     _pairs: Pairs = ()  # of the last status
     _keys: tuple[str, ...] = ()  # of those that were parsed last
     _parsed: bool = True
+    _all_plain: bool = False  # each key-value has one number, and that is `plain`
     _units: dict[str, str] | None = None  # made with the first, as of most nothing is read
     _rules: dict[str, ValueRule | None] | None = None
 
@@ -267,6 +268,8 @@ class ComponentValues:
 
         ``old`` are the key-values that are parsed, which need not be again; () where not known.
         """
+        if self._all_plain and not old and self._set_plain(pairs):
+            return True
         changed = False
         if len(self._keys) == len(pairs):
             for row, (key, pair) in enumerate(zip(self._keys, pairs, strict=True)):
@@ -285,6 +288,16 @@ class ComponentValues:
                 return changed
         self._rebuild(pairs)
         self.marks.note(Mark.SERIES)
+        return True
+
+    def _set_plain(self, pairs: Pairs) -> bool:
+        """Set the numbers of key-values as most are; False, with some of them set, of others."""
+        if len(self._keys) != len(pairs):
+            return False
+        for value, key, (name, text) in zip(self._all or (), self._keys, pairs, strict=True):
+            if key != name or not is_plain(text):
+                return False
+            value.number = float(text)
         return True
 
     def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
@@ -337,6 +350,8 @@ class ComponentValues:
         self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
         self._rows = [self._add_all(pair, taken) for pair in pairs]
+        numbers = self._all or ()
+        self._all_plain = len(numbers) == len(pairs) and all(each.plain for each in numbers)
 
     def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
         if self._is_list_beyond(pair):
