@@ -176,12 +176,14 @@ def _severities(cause: Cause, now: Instant) -> dict[str, Verdict]:
         return {"": Verdict.FAILING}
     if cause.adopted:
         return dict.fromkeys(cause.problems, Verdict.NO_DATA)
-    found = {each: each.problems.get(State.CRITICAL) for each in cause.robot.components.values()}
-    lasting = {each: problem for each, problem in found.items() if problem and problem.lasts}
-    if any(each.effect.counts and now.mono >= of.boots_until for of, each in lasting.items()):
-        return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
-    known = Verdict.NO_DATA if lasting else Verdict.HEALTHY
-    return {"critical": known, "warning": Verdict.FAILING}
+    critical = Verdict.HEALTHY
+    for component in cause.robot.components.values():
+        problem = component.problems.get(State.CRITICAL)
+        if problem is not None and problem.lasts:
+            if problem.effect.counts and now.mono >= component.boots_until:
+                return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
+            critical = Verdict.NO_DATA
+    return {"critical": critical, "warning": Verdict.FAILING}
 
 
 def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, int]:

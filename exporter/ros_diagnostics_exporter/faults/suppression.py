@@ -233,8 +233,8 @@ def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
 
 
 def _is_as_severe(explainer: Problem, problem: Problem) -> bool:
-    severities = severity_of(explainer.identity), severity_of(problem.identity)
-    return severities != ("warning", "critical")
+    is_critical = severity_of(explainer.identity) == "critical"
+    return is_critical or severity_of(problem.identity) == "warning"
 
 
 def reporter_of(book: Book, problem: Problem, now: Instant) -> Problem | None:
