@@ -56,6 +56,7 @@ class Book:
         self.grace_until = -inf
         self.settled_at = -inf
         self.found_at = -inf
+        self.restored_at = -inf  # when rows were read, monotonic
         self.clock_offset = 0.0  # of the wall clock to the monotonic, when hours were computed
         self.robots: dict[str, RobotRecord] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components

@@ -126,8 +126,9 @@ class Faults:
             judge.follow_hours(self._book, now)
             changes += judge.settle(self._book, now)
         while (due := timers.next) <= now.mono:
-            # As of when each was due, so that it does not matter how often this is called.
-            at = at_mono(due, now)
+            # As of when each was due, so that it does not matter how often this is called; but not
+            # of before the rows were read, whose state is a later one.
+            at = at_mono(max(due, self._book.restored_at), now)
             for kind, record in timers.pop():
                 _ACTIONS[kind](self._book, record, at)
             changes += judge.settle(self._book, at)

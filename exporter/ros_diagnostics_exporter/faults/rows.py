@@ -65,6 +65,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> list[Row]:
     A row that refers to one that is not there is such a row: a component of an unknown robot.
     """
     clock = Clock(now)
+    book.restored_at = now.mono
     dropped: list[Row] = []
     for row in sorted(rows, key=lambda row: (_ORDER.index(row.kind), row.key)):
         if row.fields is None:

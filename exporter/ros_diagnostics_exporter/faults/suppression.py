@@ -180,15 +180,16 @@ def latest(book: Book, problem: Problem, now: Instant) -> float:
 def is_explained(
     book: Book, problems: Iterable[Problem], reasons: Iterable[Reason], now: Instant
 ) -> bool:
-    """Whether one of these reasons explains one of these problems now.
+    """Whether one of these reasons explains one of these problems, for what counts problems.
 
-    What its uplink's downtime plans is unreachable, too.
+    It does not ask whether the explanation will be a fault in time. That may rest on the count, and
+    then both would change each other for ever. What its uplink's downtime plans is unreachable.
     """
     problems, reasons = list(problems), set(reasons)
     if Reason.UNREACHABLE in reasons and any(_is_planned_silence(book, each) for each in problems):
         return True
     return any(
-        edge.reason in reasons and _holds(book, edge, each, now)
+        edge.reason in reasons and _may_hold(edge, each)
         for each in problems
         for edge in edges(book, each, now)
     )
@@ -212,24 +213,33 @@ def is_unreachable(book: Book, robot: RobotRecord, now: Instant) -> bool:
     return is_explained(book, robot.problems.values(), (Reason.UNREACHABLE,), now)
 
 
+def _may_hold(edge: Edge, problem: Problem) -> bool:
+    """Whether an edge explains a problem if what it names is a fault, or will be one in time."""
+    explainer, explains = edge.problem, edge.problem.effect.explains
+    if explains == "never" or (explains == "as a fault" and explainer.fault is None):
+        return False
+    is_specific = edge.is_specific and explainer.verdict >= Verdict.ABSENT
+    return is_specific or _is_as_severe(explainer, problem)
+
+
 def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
     explainer = edge.problem
-    is_specific = edge.is_specific and explainer.verdict >= Verdict.ABSENT
-    enough = is_specific or _is_as_severe(explainer, problem)
     if explainer.fault is not None:
-        return enough and explainer.effect.explains != "never"
-    is_asked = explainer in book.asked  # in a circle, as while other settings are taken one by one
-    if explainer.effect.explains != "as a problem" or is_asked:
+        return _may_hold(edge, problem)
+    # Asked already: in a circle, as while other settings are taken one by one.
+    if explainer in book.asked or explainer.effect.explains != "as a problem":
         return False
     book.asked.add(explainer)
     reporter = reporter_of(book, explainer, now)
     book.asked.discard(explainer)
     if reporter is None:
         return False
+    enough = _may_hold(edge, problem)
     if reporter is not explainer:
         enough = _is_as_severe(reporter, problem)
-    in_time = reporter.fault is not None or book.due(reporter) <= latest(book, problem, now)
-    return enough and in_time
+    return enough and (
+        reporter.fault is not None or book.due(reporter) <= latest(book, problem, now)
+    )
 
 
 def _is_as_severe(explainer: Problem, problem: Problem) -> bool:

@@ -16,6 +16,7 @@ from support.fault_histories import (
     ERROR,
     OK,
     STALE,
+    WALL,
     WARN,
     back,
     level,
@@ -197,3 +198,32 @@ def test_what_was_critical_by_the_config_alone_is_not_after_a_restart_and_a_relo
         (5, level(UPPER, STALE)),
         (10, None, "began component/stale r1 lidar upper"),
     )
+
+
+def test_many_components_do_not_explain_what_is_counted_towards_them():
+    """Once each of both changed the other for ever, and the exporter stood still."""
+    behind_board = {"depends_on": frozenset({("", "board")})}
+    of_six = {"robot": "r1", "total": 6}
+    play(
+        (
+            0,
+            together(
+                level("board", ERROR, **of_six, confirm_after=200.0),
+                level("camera", ERROR, **of_six, **behind_board),
+                level("motor", ERROR, **of_six),
+            ),
+        ),
+        (1, level("motor", OK, **of_six)),
+        (12, None, "began component/critical r1 camera"),  # the board is no fault in time
+        (300, None, "began component/critical r1 board"),
+        settings=FaultSettings(many=CauseSettings(3, 0.5)),
+    )
+
+
+def test_what_became_due_while_the_process_was_away_begins_when_it_is_back():
+    """Once it was judged as of then, by all that became known later, and that need not end."""
+    last = player(["r1"], FaultSettings())
+    last.go(0, level("motor", ERROR))
+    last.reborn(200)
+    [begun] = last.go(201)
+    assert begun.fault.confirmed - WALL == 200
