@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 import time
+import traceback
 
-from simulation import features, twins
+from simulation import features, planted, twins
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
+
+LONGEST = 60  # seconds for one history of `--features`
 
 
 def main() -> int:
     """Play the seeds; 1 where one of them fails."""
     options = _parser().parse_args()
+    if options.planted:
+        return planted.main(options.features, options.seed)
     if options.features:
         return _play_features(range(options.seed, options.seed + options.features))
     for seed in range(options.seed, options.seed + options.seeds):
@@ -41,16 +47,25 @@ def _play_features(seeds: range) -> int:
     """Play short histories of a small fleet that uses every feature; 1 where one fails."""
     logging.disable()  # robots that are odd are logged, thousands of times
     begin, seed = time.perf_counter(), seeds.start
+    signal.signal(signal.SIGALRM, _does_not_end)
     try:
         for seed in seeds:
+            signal.alarm(LONGEST)
             features.play(features.random_history(seed))
             twins.play(seed)
     except Exception as error:  # noqa: BLE001 - of whatever kind: the seed is what is needed
-        print(f"seed {seed} fails: {error!r}\n{[*features.random_history(seed)]}", flush=True)
+        *_, last = traceback.extract_tb(error.__traceback__)
+        print(f"seed {seed} fails: {error!r}\nin {last.name}: {last.line}", flush=True)
+        print([*features.random_history(seed)], flush=True)
         return 1
+    signal.alarm(0)
     seconds = time.perf_counter() - begin
     print(f"{len(seeds)} histories of a fleet that uses every feature in {seconds:.0f} s")
     return 0
+
+
+def _does_not_end(_signal: int, _frame: object) -> None:
+    raise TimeoutError(f"the engine works for {LONGEST} s on a history that takes 0.1 s")
 
 
 def _explain(story: Story, error: BrokenError, *, reduce: bool) -> None:
@@ -88,6 +103,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         default=0,
         help="in place of all that: N short histories of a small fleet that uses every feature",
+    )
+    parser.add_argument(
+        "--planted",
+        action="store_true",
+        help="plant each known mistake of faults/ in a copy, and play it the histories of "
+        "--features: which check finds it, and after how many?",
     )
     parser.add_argument(
         "--no-shrink", action="store_true", help="do not reduce a failing seed to a few events"

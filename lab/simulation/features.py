@@ -50,6 +50,7 @@ BOOT_GRACE = {"r3": 30.0, "r4": 60.0}  # of two robots; the others have none
 # and once more for what an explanation that was never a fault leaves behind it.
 PATIENCE = 2 * 60.0 + CONFIRM
 WAITS = 60.0  # seconds for which what is no fault yet may suppress what is due
+REPAIRED = 3600.0  # seconds after all was repaired in which each fault ends
 COMPONENTS = {
     "board": ComponentSettings(CONFIRM, planned_stale=True),
     "lidar upper": ComponentSettings(CONFIRM, depends_on=frozenset({("", "board")})),
@@ -74,6 +75,13 @@ FLEETS = (
         warning_hours=WarningHours(MINUTES, "UTC"),
     ),
 )
+# The last level of a component whose fault begins: what does not report any more is still a WARNING
+# or an ERROR.
+CAUSES = {
+    State.WARNING: (WARN, STALE),
+    State.STALE: (STALE,),
+    State.CRITICAL: (ERROR, STALE),
+}
 BY_A_PERSON = {Reason.MAINTENANCE, Reason.HOURS, Reason.CONDITION}
 
 
@@ -86,7 +94,8 @@ class Truth:
     """What was last received of one component."""
 
     level: Level = OK
-    since: float = 0.0  # of this level, the robot received and out of downtime
+    since: float = 0.0  # of this level, the robot received, and no downtime began or ended
+    wrong: float = 0.0  # since then it was never OK; silence and restarts say nothing of it
     fresh: bool = False
     boots: float = 0.0  # until then it begins no fault: its robot boots, and it was never OK since
 
@@ -100,23 +109,57 @@ class World:
     up: set[str] = field(default_factory=set)
     second: float = 0.0
     began: list[Identity] = field(default_factory=list)
+    lasting: set[Identity] = field(default_factory=set)  # began and not ended
+    planned: set[str] = field(default_factory=set)  # robots in a downtime
+    planned_parts: dict[str, frozenset[str]] = field(default_factory=dict)  # their components
     grace: float = 0.0
     booted: dict[str, float] = field(default_factory=dict)  # until when a robot boots
     received: set[tuple[str, str]] = field(default_factory=set)  # since its robot came back
 
     def engine(self, *happened: Event) -> None:
-        """Let time pass, then these; nothing that is broken may recover."""
+        """Let time pass, then these; nothing begins or ends that may not."""
         for what, fault, _at in self.player.go(self.second, *happened):
-            identity = fault.identity
-            known = self.truth.get((identity.robot, identity.component))
             if what == "began":
-                self.began.append(identity)
-                assert not self._boots(identity, fault.confirmed - WALL), identity
-            elif what == "recovered" and identity.scope is Scope.COMPONENT:
-                assert known is not None
-                assert known.fresh, identity
-                worse = {State.CRITICAL: (ERROR,), State.STALE: (ERROR, STALE)}
-                assert known.level not in worse.get(identity.state, (ERROR, WARN, STALE)), identity
+                self._began(fault.identity, fault.confirmed - WALL)
+            else:
+                self._ended(fault.identity, recovered=what == "recovered")
+
+    def _began(self, identity: Identity, at: float) -> None:
+        """A fault of something that was due and that no downtime covers; and of that just one."""
+        self.began.append(identity)
+        assert identity not in self.lasting, f"began twice: {identity}"
+        self.lasting.add(identity)
+        assert not self._boots(identity, at), f"began while its robot boots: {identity}"
+        assert not self._is_planned(identity), f"began in a downtime: {identity}"
+        if identity.scope is Scope.COMPONENT:
+            known = self.truth[identity.robot, identity.component]
+            assert known.fresh, f"began while its robot is silent: {identity}"
+            assert known.level in CAUSES[identity.state], f"began of {known.level}: {identity}"
+            is_due = at >= known.wrong + CONFIRM - 0.01
+            assert is_due, f"began before it was due: {identity}"
+        if identity.scope is Scope.ROBOT and identity.state is State.SILENT:
+            assert identity.robot not in self.up, f"began of a robot that is up: {identity}"
+
+    def _ended(self, identity: Identity, *, recovered: bool) -> None:
+        """A fault that lasted; nothing that is broken, silent or in a downtime recovers."""
+        assert identity in self.lasting, f"ended twice: {identity}"
+        self.lasting.remove(identity)
+        if not recovered:
+            return
+        assert not self._is_planned(identity), f"recovered in a downtime: {identity}"
+        if identity.scope is Scope.COMPONENT:
+            known = self.truth[identity.robot, identity.component]
+            assert known.fresh, f"recovered while its robot is silent: {identity}"
+            worse = {State.CRITICAL: (ERROR,), State.STALE: (ERROR, STALE)}
+            broken = worse.get(identity.state, (ERROR, WARN, STALE))
+            assert known.level not in broken, f"recovered with {known.level}: {identity}"
+        if identity.scope is Scope.ROBOT and identity.state is State.SILENT:
+            assert identity.robot in self.up, f"recovered of a silent robot: {identity}"
+
+    def _is_planned(self, identity: Identity) -> bool:
+        """Whether what a fault is about is in a downtime."""
+        parts = self.planned_parts.get(identity.robot, frozenset())
+        return identity.robot in self.planned or identity.component in parts
 
     def _boots(self, identity: Identity, at: float) -> bool:
         """Whether what a fault is about has time, because its robot boots."""
@@ -138,6 +181,8 @@ class World:
             known = self.truth.setdefault((robot, name), Truth())
             if level != known.level or not known.fresh:
                 known.since = self.second
+            if known.level is OK:
+                known.wrong = self.second
             is_first = (robot, name) not in self.received
             if level is OK:
                 known.boots = 0.0
@@ -195,18 +240,23 @@ class World:
         """What a query measures of the uplink of all robots."""
         how = ComponentSettings(CONFIRM, measured=True, uplink=True)
         known = self.truth.setdefault((UPLINK, "ping"), Truth())
-        known.level, known.fresh, known.since = level, True, self.second
+        known.level, known.fresh = level, True
+        known.since = self.second
         report = ComponentReport(ComponentName("", "ping"), level, how)
         self.engine(lambda faults, now: faults.components_changed(UPLINK, [report], 1, now))
 
     def downtime(self, robot: str, planned: bool) -> None:
         """The planned downtime of a robot begins or ends."""
+        self.engine()  # what was due before it
         self._begin_anew(robot, COMPONENTS)
+        (self.planned.add if planned else self.planned.discard)(robot)
         self.engine(lambda faults, now: faults.maintenance({robot: planned}, now))
 
     def downtime_of(self, robot: str, chosen: Iterable[str]) -> None:
         """Just these components of a robot are in a planned downtime."""
+        self.engine()  # what was due before it
         self._begin_anew(robot, COMPONENTS)
+        self.planned_parts[robot] = frozenset(chosen)
         self.engine(
             lambda faults, now: faults.components_in_maintenance(robot, frozenset(chosen), now)
         )
@@ -227,10 +277,28 @@ class World:
         for robot in up:
             self.back(robot, boots=False)
 
+    def reborn(self) -> None:
+        """Another process goes on from the rows, with the same fleet.yml."""
+        self.player.reborn(self.second)
+        self.configure()
+
+    def configure(self) -> None:
+        """The robots and what they can do, by fleet.yml."""
+        self.engine(*map(_configured, (*ROBOTS, UPLINK)), *map(_able, ROBOTS))
+
     def fleet(self, how: FaultSettings) -> None:
         """Other settings of the whole fleet."""
         self.player.settings = how
         self.engine(lambda faults, now: faults.configure(how, now))
+
+    def repair(self) -> None:
+        """All is OK, received, and in no downtime."""
+        self.uplink(OK)
+        for robot in ROBOTS:
+            self.downtime(robot, planned=False)
+            self.downtime_of(robot, ())
+            self.back(robot)
+            self.all_of(robot, OK)
 
     # -- what holds --------------------------------------------------------------------------
 
@@ -284,10 +352,10 @@ def _able(robot: str) -> Event:
 def started() -> World:
     """The fleet, received and healthy."""
     world = World()
-    world.engine(*map(_configured, (*ROBOTS, UPLINK)), back(UPLINK))
+    world.configure()
+    world.engine(back(UPLINK))
     for robot in ROBOTS:
         world.back(robot)
-        world.engine(_able(robot))
     return world
 
 
@@ -303,14 +371,18 @@ def play(history: Iterable[Step]) -> World:
         world.engine()
         world.check()
         if reborn:
-            world.player.reborn(world.second)
+            world.reborn()
         getattr(world, what)(*how)
     world.second += 600
     world.engine()
     world.check()
-    world.player.reborn(world.second)  # every row that was written can be read
+    world.reborn()  # every row that was written can be read
     world.engine()
     world.check()
+    world.repair()
+    world.second += REPAIRED
+    world.engine()
+    assert not world.lasting, f"never ends: {world.lasting}"
     return world
 
 

@@ -65,7 +65,7 @@ def test_whatever_is_freshly_error_is_a_fault_or_a_lasting_fault_explains_it(his
     play(history)
 
 
-FAILED = (312, 767, 1869, 5718, 15997)
+FAILED = (312, 767, 1869, 5718, 15997, 30580)
 
 
 @pytest.mark.parametrize("seed", [*FAILED, *range(50)])
