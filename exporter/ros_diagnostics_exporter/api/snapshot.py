@@ -356,7 +356,7 @@ def _component(
         ),
         "planned_stale": planned,
         "suppressed_because": component.suppressed_because,
-        "message": component.message if component.said is None else component.trouble_text,
+        "message": component.trouble_text if component.is_of_several else component.message,
         "level_since": component.since,
         "changes": component.changes,
         "flap_ratio": 0.0 if followed is None else followed.flap_ratio,

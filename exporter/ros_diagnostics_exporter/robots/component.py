@@ -179,9 +179,14 @@ class Component:
         return not self.is_stale or self.stale_at_source
 
     @property
+    def is_of_several(self) -> bool:
+        """Whether several nodes publish it, as far as is known, and nothing tells them apart."""
+        return self.said is not None and len(self.said) > 1
+
+    @property
     def trouble_text(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
-        if self.said is not None and len(self.said) > 1:
+        if self.is_of_several:
             return f"{self.message} (several nodes publish it, the worse counts)"
         if self.reports:
             return self.message

@@ -66,23 +66,26 @@ class Writers(NamedTuple):
     at: float = -inf
 
 
+def has_returned(component: Component, publisher: str) -> bool:
+    """Whether another one has spoken since this publisher did: then they are two."""
+    said = component.said or {}
+    return publisher in said and publisher != next(reversed(said))
+
+
 def note(component: Component, publisher: str, status: Status, now: Instant) -> None:
     """Note what a publisher says of a component."""
     said = component.said
     if said is None:
         said = component.said = {}
-        if component.last is not None and component.publisher:
+        last, at = component.last, component.raw_received
+        if last is not None and at is not None and component.publisher:
             gap = component.gaps[-1] if component.gaps else 0.0
-            said[component.publisher] = _said(component, component.last, _received(component), gap)
+            said[component.publisher] = _said(component, last, min(at, now.mono), gap)
     known = said.pop(publisher, None)
     gap = 0.0 if known is None else now.mono - known.at
     said[publisher] = _said(component, status, now.mono, gap)
     if len(said) > MOST_PUBLISHERS:
         del said[next(iter(said))]
-
-
-def _received(component: Component) -> float:
-    return -inf if component.raw_received is None else component.raw_received
 
 
 def _said(component: Component, status: Status, at: float, gap: float) -> Said:

@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.robots.twins import (
     Suspects,
     Writers,
     are_by_id,
+    has_returned,
     note,
     severity,
     worst,
@@ -136,7 +137,10 @@ class RawUpdates:
             if component is not None:
                 last = component.last
                 if last is not status and last is not None and last[3] != status[3]:
-                    component = self._told_apart(component, last, status, now)
+                    is_back = has_returned(component, publisher)
+                    if is_back or are_by_id(self._suspects, last, status, now):
+                        components.split_by_hardware_id(name, now)
+                        component = components.by_identity.get(self._identity(status))
             if component is None:
                 component = components.get_or_add(self._identity(status), _node_of(name), now)
             if component is not None:
@@ -150,22 +154,14 @@ class RawUpdates:
         is_split = status.name in self._components.split_names
         return status.name, "", status.hardware_id if is_split else ""
 
-    def _told_apart(
-        self, component: Component, last: Status, status: Status, now: Instant
-    ) -> Component | None:
-        """The component of a status that may be another node's; None: it has none yet."""
-        if are_by_id(self._suspects, last, status, now):
-            self._components.split_by_hardware_id(status.name, now)
-            return self._components.by_identity.get(self._identity(status))
-        return component
-
     def _worst_said(
         self, component: Component, status: Status, publisher: str, now: Instant
     ) -> Status:
         """What counts of what all publishers say of a component, of whom one says this now."""
+        is_back = has_returned(component, publisher)
         note(component, publisher, status, now)
         counted = worst(component, self._components, self._writers, now)
-        if counted is not status:
+        if is_back and counted is not status:  # else it may have been started again
             self._reject("duplicate_component", status.name)
         return counted
 

@@ -51,8 +51,9 @@ class Nodes:
         return {each.label for each in self.driver.robot.components}
 
 
-def test_the_one_that_dies_is_a_fault_that_names_it_and_the_other_is_not():
-    nodes = Nodes()
+@pytest.mark.parametrize("publishers", [(), ("a", "b")])
+def test_the_one_that_dies_is_a_fault_that_names_it_and_the_other_is_not(publishers):
+    nodes = Nodes(*publishers)
     nodes.stand(30, LEFT, RIGHT)
     assert nodes.labels == {"lidar: Status [left]", "lidar: Status [right]"}
     nodes.stand(60, LEFT, RIGHT._replace(level=ERROR, message="no data"))
@@ -72,8 +73,9 @@ def test_the_threshold_that_one_of_them_passes_is_seen_and_its_end_is_one():
     assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
 
 
-def test_what_is_broken_before_they_are_told_apart_is_a_fault_that_names_it():
-    nodes = Nodes()
+@pytest.mark.parametrize("publishers", [(), ("a", "b")])
+def test_what_is_broken_before_they_are_told_apart_is_a_fault_that_names_it(publishers):
+    nodes = Nodes(*publishers)
     nodes.stand(60, LEFT, RIGHT._replace(level=ERROR))
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status [right]")}
 
