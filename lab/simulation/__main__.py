@@ -44,7 +44,10 @@ def main() -> int:
 
 
 def _play_features(seeds: range) -> int:
-    """Play short histories of a small fleet that uses every feature; 1 where one fails."""
+    """Play short histories of a small fleet that uses every feature, and of two nodes of one name.
+
+    Returns 1 where one fails.
+    """
     logging.disable()  # robots that are odd are logged, thousands of times
     begin, seed = time.perf_counter(), seeds.start
     signal.signal(signal.SIGALRM, _does_not_end)

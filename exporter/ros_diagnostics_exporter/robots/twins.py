@@ -77,10 +77,10 @@ def note(component: Component, publisher: str, status: Status, now: Instant) -> 
     said = component.said
     if said is None:
         said = component.said = {}
-        last, at = component.last, component.raw_received
-        if last is not None and at is not None and component.publisher:
+        if component.last is not None and component.publisher:
+            at = min(component.last_report, now.mono)
             gap = component.gaps[-1] if component.gaps else 0.0
-            said[component.publisher] = _said(component, last, min(at, now.mono), gap)
+            said[component.publisher] = _said(component, component.last, at, gap)
     known = said.pop(publisher, None)
     gap = 0.0 if known is None else now.mono - known.at
     said[publisher] = _said(component, status, now.mono, gap)

@@ -144,7 +144,7 @@ class RawUpdates:
             if component is None:
                 component = components.get_or_add(self._identity(status), _node_of(name), now)
             if component is not None:
-                if publisher and (publisher != component.publisher or component.said is not None):
+                if publisher != component.publisher or component.said is not None:
                     counted = self._worst_said(component, status, publisher, now)
                     components.update_raw(component, counted, now)
                 else:
@@ -158,6 +158,9 @@ class RawUpdates:
         self, component: Component, status: Status, publisher: str, now: Instant
     ) -> Status:
         """What counts of what all publishers say of a component, of whom one says this now."""
+        if not publisher:  # and no other is known any more
+            component.publisher, component.said = "", None
+            return status
         is_back = has_returned(component, publisher)
         note(component, publisher, status, now)
         counted = worst(component, self._components, self._writers, now)

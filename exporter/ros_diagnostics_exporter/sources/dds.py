@@ -78,6 +78,7 @@ SELDOM = 5  # looks at the graph from one question about a topic with messages t
 # the same, at most this share of the time is spent on it: then looks are further apart than
 # ``poll_interval``, up to five times as far.
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
+MOST_STRANGE = 30  # looks at a graph that has no publisher of messages, until it never will
 LINKS = 5.0  # seconds between two looks at how messages arrive
 
 
@@ -152,6 +153,8 @@ class DdsDomain(Reception):
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
         self._asked_last, self._asked_at = "", 0.0  # the last topic; when, monotonic
         self._links_at = 0.0  # next, monotonic
+        self._publisher = ""  # of the last message
+        self._strange = 1  # looks that did not have it, until one has
         self._endpoints = EndpointReader(domain, receiver, self._subscriptions.get)
         self._watcher = Watcher(domain, receiver)
         self._context: Context | None = None
@@ -180,7 +183,8 @@ class DdsDomain(Reception):
 
     @override
     def publisher(self, taken: Taken) -> str:
-        return taken.publisher
+        self._publisher = taken.publisher
+        return taken.publisher if self._strange < MOST_STRANGE else ""
 
     @override
     def identity(self, taken: Taken) -> Hashable:
@@ -208,6 +212,7 @@ class DdsDomain(Reception):
         if listed := self.run_safely(lambda: found.extend(self._list_topics(node))):
             yield from self._read_topics(node, found, now)
         topics = {name: endpoint for name, (_state, endpoint) in self._known.items()}
+        self._find_publisher(topics)
         yield from self._subscribe_wanted(topics)
         if not listed:
             return  # what is wanted is received all the same
@@ -218,6 +223,15 @@ class DdsDomain(Reception):
         if self.receiver.update_nodes(self._domain, nodes, now):
             yield from self._watcher.look(node, dict(found), now)
             yield from self._endpoints.read(node, [name for name, _types in found], now)
+
+    def _find_publisher(self, topics: Mapping[str, Endpoint]) -> None:
+        """Look whether the graph has publishers by the names that messages have.
+
+        With a middleware by which it has not, nobody would know which publishers are gone.
+        """
+        if self._publisher and 0 < self._strange < MOST_STRANGE:
+            is_known = any(self._publisher in each.writers for each in topics.values())
+            self._strange = 0 if is_known else self._strange + 1
 
     def _list_topics(self, node: Node) -> Topics:
         begin = thread_time()

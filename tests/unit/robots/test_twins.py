@@ -9,6 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.model import Status
+from simulation import twins as simulated
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 LEFT, RIGHT = (Status(OK, "lidar: Status", "scanning", side) for side in ("left", "right"))
@@ -283,3 +284,17 @@ def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse():
     nodes, same = Nodes("a", "b", components=(rule,)), LEFT._replace(hardware_id="")
     nodes.stand(60, same._replace(level=ERROR), same._replace(level=WARN))
     assert nodes.faults == {("component", "warning", "r", "lidar", "lidar: Status")}
+
+
+def test_the_latest_counts_where_publishers_have_names_no_more():
+    driver = twins()
+    on(driver, 30)
+    driver.raw(SERIAL, publisher="b")
+    assert driver.fault_names() == CRITICAL
+    driver.raw(SERIAL)
+    assert (driver.fault_names(), driver.component("rosserial").said) == (set(), None)
+
+
+@pytest.mark.parametrize("seed", [1, 47, 73, 731, 20017])  # each failed before something was mended
+def test_whatever_happens_nothing_recovers_that_one_of_them_says_is_error(seed):
+    simulated.play(seed)
