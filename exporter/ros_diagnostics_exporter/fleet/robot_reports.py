@@ -28,6 +28,7 @@ from ros_diagnostics_exporter.fleet import dependencies
 from ros_diagnostics_exporter.fleet.awaited import Awaited
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
+from ros_diagnostics_exporter.fleet.first_reports import FirstReports
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component, is_name_of
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
@@ -65,10 +66,7 @@ class RobotReports:
         self._names: dict[Component, ComponentName] = {}
         self._dependencies: dependencies.Dependencies = {}
         self._measured: frozenset[ComponentName] = frozenset()  # by queries, if any depends on any
-        self._received: set[Component] | None = None  # since its return, where that matters
-        self._first: set[Component] = set()  # of these, with the report under way
-        self._unjudged: set[tuple[Component, str]] = set()  # values, since the first
-        self._resumed: dict[Component, float] = {}  # with the last report, which was before that
+        self._first: FirstReports | None = None  # since its return, where that matters
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
@@ -277,13 +275,7 @@ class RobotReports:
             since = now if last is None else Instant(last, robot.last_wall)
             return faults.robot_silent(robot.settings.name, since, now)
         self._everything = True
-        self._received = set() if robot.settings.profile.boot_grace else None
-        self._resumed = {
-            each: each.last_report
-            for each in robot.components
-            if each.is_on_change and each.last_report != robot.last_mono
-        }
-        self._unjudged.clear()
+        self._first = FirstReports(robot) if robot.settings.profile.boot_grace else None
         self._awaited.await_raw()
         # What was there before the exporter listened has not booted.
         listened = now.mono - robot.listened_since
@@ -363,7 +355,7 @@ class RobotReports:
     def _component_report(self, component: Component, name: ComponentName) -> ComponentReport:
         """The component as it is judged: healthy, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
-        is_first = component in self._first
+        is_first = self._first is not None and component in self._first.now
         suppressed = self._find_suppression(component)
         is_late = level is Level.STALE and not component.stale_at_source
         if self.robot.network.lossy and component.feed is None and is_late:
@@ -398,20 +390,12 @@ class RobotReports:
             depends_on=depends_on,
         )
 
-    def _note_first(self, changed: Iterable[Component]) -> None:
-        """Note which components were not received since the robot came back, before now.
-
-        Only where trouble that is there from then on has a boot_grace. One whose trouble is not
-        judged yet, as its condition is not known, is not received yet.
-        """
-        self._first = set()
-        if self._received is not None:
-            self._first = set(self._names if self._everything else changed) - self._received
-            self._received |= {each for each in self._first if self._is_judged(each)}
+    def _note_first(self, changed: list[Component]) -> None:
+        """Note which components were not received since the robot came back, before now."""
+        if self._first is not None:
+            self._first.note(self._names if self._everything else changed, self._is_judged)
 
     def _is_judged(self, component: Component) -> bool:
-        if self._resumed.get(component) == component.last_report:
-            return False  # it is as it was before the robot went
         is_suppressed = self._find_suppression(component) is not None
         return component.level == Level.OK or not (component.is_stale or is_suppressed)
 
@@ -457,12 +441,11 @@ class RobotReports:
         self, component: Component, value: ExportedValue, rule: ValueRule
     ) -> ValueReport:
         if component.is_stale:
-            return ValueReport(value.key, None, rule.thresholds, is_first=component in self._first)
-        most, place = self._most(component, rule), (component, value.key)
-        is_first = component in self._first or place in self._unjudged
-        self._unjudged.discard(place)
-        if is_first and most is Verdict.NO_DATA and value.beyond:
-            self._unjudged.add(place)  # its condition is not known: the first judgement is to come
+            return ValueReport(value.key, None, rule.thresholds)
+        most = self._most(component, rule)
+        waits = most is Verdict.NO_DATA and bool(value.beyond)  # for its condition to be known
+        first = self._first
+        is_first = first is not None and first.has_value(component, value.key, waits=waits)
         return ValueReport(value.key, value.number, rule.thresholds, most, is_first)
 
     def _most(self, component: Component, rule: ValueRule) -> Verdict:
