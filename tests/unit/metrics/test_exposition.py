@@ -256,6 +256,29 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
     assert driver.sample("robot_info", topic="/r/diagnostics_agg", profile="default") == 1
 
 
+def test_what_is_not_configured_has_no_series_and_no_byte():
+    driver = StateDriver()
+    driver.raw(Status(ERROR, "Motor"))
+    driver.at(SETTLED)
+    unused = {
+        *metrics.MISSION_FAMILIES,
+        metrics.CAPABILITY_STATE,
+        metrics.FLEET_CAPABILITY_STATE,
+        metrics.FLEET_CAPABILITY_ROBOTS,
+        metrics.CHECK_EXPECTED,
+        metrics.COMPONENT_SUPPRESSED,
+        metrics.COMPONENT_PLANNED_STALE,
+        metrics.COMPONENT_MAINTENANCE,
+        metrics.COMPONENT_VALUE_THRESHOLD,
+        metrics.DOWNTIME_END,
+        metrics.ROBOT_DOWNTIME_END,
+        metrics.ROBOT_WATCHED,
+    }
+    text = driver.exposition.render()
+    assert b"ros_diagnostics_component_level" in text
+    assert not [family.name for family in unused if family.name.encode() in text]
+
+
 def test_robots_that_are_received_are_counted_for_each_site_and_rejected_ones_have_the_reason():
     robots = [
         Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": site})
