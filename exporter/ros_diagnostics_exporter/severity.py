@@ -22,6 +22,7 @@ SEVERITIES = {  # the ranks of metrics and of prometheus/rules/states.yml
     "SILENT": 5,
     "UNREACHABLE": 3,
     "STALE": 2,
+    "FLAPPING": 1.5,
     "WARNING": 1,
     "OK": 0,
     "PENDING": -1,
@@ -34,6 +35,7 @@ COLOURS = {
     "UNKNOWN": ("#3D3D3D", "#FFFFFF"),
     "UNREACHABLE": ("#90BEF8", "#000000"),
     "STALE": ("#9350C9", "#FFFFFF"),
+    "FLAPPING": ("#FFA55A", "#000000"),
     "WARNING": ("#FFD92F", "#000000"),
     "OK": ("#1F7F63", "#FFFFFF"),
     "PENDING": ("#D0D0D0", "#000000"),
@@ -94,7 +96,8 @@ _OF_REASON = {  # all others: SILENT
     "uplink_down": "UNREACHABLE",
     "domain_unreachable": "UNREACHABLE",
 }
-_OF_STATE = {"silent": "SILENT", "pending": "PENDING"}  # all others by their severity
+# All others by their severity.
+_OF_STATE = {"silent": "SILENT", "pending": "PENDING", "flapping": "FLAPPING"}
 _WORSE = {
     "warning": ("stale", "critical"),
     "stale": ("critical",),
@@ -131,17 +134,33 @@ def component_state(level: str, before_stale: str | None, *, stale_is_critical: 
     return STATE_OF_LEVEL[level]
 
 
+def is_robot(entry: dict[str, Any]) -> bool:
+    """Whether an entry of `robots` has a place in ROS; an access point has none."""
+    return entry["domain_id"] is not None
+
+
 def state_of(robot: dict[str, Any]) -> str:
     """A robot's state in one word, as prometheus/rules/states.yml has it for the dashboards.
 
     SILENT is not received, PENDING never was, and UNREACHABLE is one that is not received because
-    of its uplink or its DDS domain.
+    of its uplink or its DDS domain. What is FLAPPING is so in all of its levels.
     """
+    faults = [each for each in robot["problems"] if each["confirmed"] is not None]
+    flapping = {
+        (each["scope"], each["group"], each["component"])
+        for each in faults
+        if each["state"] == "flapping"
+    }
     if not robot["up"]:
-        return silent_state(robot["silent_reason"])
-    words = [judged_state(each) for each in robot["components"]]
+        silent = silent_state(robot["silent_reason"])
+        return "FLAPPING" if silent == "SILENT" and ("robot", "", "") in flapping else silent
     # With a fault it is not OK, though no level says so, as of a value, or while a component flaps.
-    words += [problem_state(each) for each in robot["problems"] if each["confirmed"] is not None]
+    words = [problem_state(each) for each in faults]
+    words += [
+        judged_state(each)
+        for each in robot["components"]
+        if ("flapping", each["group"], each["component"]) not in flapping
+    ]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
 
 

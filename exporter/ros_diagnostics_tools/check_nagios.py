@@ -154,6 +154,7 @@ def _sensor(
     words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)
     words = hard if confirmed and hard else words
+    words = ["WARNING" if each == "FLAPPING" else each for each in words]
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))

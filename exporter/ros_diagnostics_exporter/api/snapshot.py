@@ -289,7 +289,7 @@ def _robot(
         "links": filled(
             {**settings.profile.links, **settings.links}, settings.name, _host(settings.address)
         ),
-        "domain_id": settings.domain_id,
+        "domain_id": settings.domain_id if settings.in_ros else None,
         "namespace": settings.namespace,
         "topic": robot.topic or None,
         "profile": settings.profile.name,

@@ -245,7 +245,7 @@ class RobotText:
         )
         fixed = {
             "ros_namespace": settings.namespace,
-            "domain_id": str(settings.domain_id),
+            "domain_id": str(settings.domain_id) if settings.in_ros else "none",
             "topic": robot.topic,
             "profile": profile.name,
             "address": settings.address or "",

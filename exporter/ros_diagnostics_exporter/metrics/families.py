@@ -40,7 +40,8 @@ def _family(name: str, kind: str, help_: str, labels: tuple[str, ...], **more: A
 ROBOT_INFO = _family(
     "robot_info",
     "gauge",
-    "1 for every known robot, with its labels; also for one that was never received.",
+    "1 for every known robot, with its labels; also for one that was never received. domain_id is "
+    "none for what has no place in ROS, such as an access point.",
     (*ROBOT, "exporter", "ros_namespace", "domain_id", "topic", "profile", "address"),
     open=True,
     part=Part.FAULTS,

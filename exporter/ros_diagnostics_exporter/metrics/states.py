@@ -13,7 +13,7 @@ _OF_LEVEL = tuple(SEVERITIES[STATE_OF_LEVEL[level.name]] for level in Level)
 _CRITICAL = SEVERITIES["CRITICAL"]
 
 
-def robot_state(robot: RobotState) -> int:
+def robot_state(robot: RobotState) -> float:
     """Why it is not received, or the worst of its components; confirmed or not."""
     if not robot.up:
         return SEVERITIES[silent_state(robot.silent_reason)]
@@ -22,7 +22,7 @@ def robot_state(robot: RobotState) -> int:
     return max([_of_component(each, stale) for each in bad]) if bad else 0
 
 
-def check_state(robot: RobotState, counts: Sequence[int], expected: int | None) -> int:
+def check_state(robot: RobotState, counts: Sequence[int], expected: int | None) -> float:
     """That of a check which finds so many components at each level."""
     if expected is not None and sum(counts) < expected:
         return _CRITICAL
@@ -30,11 +30,11 @@ def check_state(robot: RobotState, counts: Sequence[int], expected: int | None) 
     return max([rank for rank, count in zip(of_level, counts, strict=True) if count], default=0)
 
 
-def _of_stale(robot: RobotState) -> int:
+def _of_stale(robot: RobotState) -> float:
     return _CRITICAL if robot.settings.profile.stale_is_critical else _OF_LEVEL[Level.STALE]
 
 
-def _of_component(component: Component, stale: int) -> int:
+def _of_component(component: Component, stale: float) -> float:
     """That of one that is not OK, of which STALE counts as ``stale``."""
     if component.suppressed_because:
         return 0

@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.severity import (
     component_path,
     component_text,
     downtime_texts,
+    is_robot,
     part_path,
     problem_state,
     query_text,
@@ -72,7 +73,7 @@ def landing(
     now = fleet["time"]
     components = find_components(fleet, query) if query else []
     fleet = find(fleet, query) if query else fleet
-    count = Counter(map(state_of, fleet["robots"]))
+    count = Counter(state_of(each) for each in fleet["robots"] if is_robot(each))
     always = "" if query else "OK"  # what a search has not found is not counted
     counts = {each: count[each] for each in SEVERITIES if count[each] or each == always}
     robots = [(state_of(robot), robot) for robot in fleet["robots"]]
@@ -98,10 +99,13 @@ def landing(
         common_number=common_number,
         troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
         troubled_number=len(troubled),
-        robots=sorted(
-            ((state, robot["robot"]) for state, robot in robots), key=lambda each: natural(each[1])
-        ),
+        robots=_by_name(each for each in robots if is_robot(each[1])),
+        devices=_by_name(each for each in robots if not is_robot(each[1])),
     )
+
+
+def _by_name(robots: Iterable[tuple[str, dict[str, Any]]]) -> list[tuple[str, str]]:
+    return sorted(((state, each["robot"]) for state, each in robots), key=lambda it: natural(it[1]))
 
 
 def robot_page(
@@ -136,7 +140,7 @@ def robot_page(
         fleet=fleet["fleet"],
         name=name,
         state=state_of(robot),
-        marks=_marks(robot, now) + ahead_texts(robot, now),
+        marks=downtime_texts(robot, now) + ahead_texts(robot, now),
         links=robot["links"],
         capabilities=_capabilities(robot),
         facts=_facts(robot, now),
@@ -212,7 +216,7 @@ def fault_page(
             robot=robot,
             fault=found,
             path=component_path(its[0]),
-            marks=_marks(of, now) if robot else [],
+            marks=downtime_texts(of, now) if robot else [],
             ended=ended[:MAX_ENDED],
             ended_number=len(ended),
             name=fault if history["occurrences"] else "",
@@ -299,15 +303,7 @@ def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
 def _troubled(state: str, robot: dict[str, Any], now: float) -> _Troubled:
     problems, number = shown_problems(robot, now, MAX_PROBLEMS)
     more = number - len(problems)
-    return _Troubled(robot["robot"], state, _marks(robot, now), problems, more)
-
-
-def _marks(robot: dict[str, Any], now: float) -> list[str]:
-    """Downtime and flapping, as marks beside the robot's name."""
-    flapping = any(
-        each["state"] == "flapping" and not each["healthy"] for each in robot["problems"]
-    )
-    return downtime_texts(robot, now) + ["flapping"] * flapping
+    return _Troubled(robot["robot"], state, downtime_texts(robot, now), problems, more)
 
 
 def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
@@ -317,7 +313,7 @@ def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
     silent = "" if robot["up"] else f"; silent: {silent_text(robot['silent_reason'])}"
     return {
         "Last message": f"{ago}{silent}",
-        "Topic": f"{robot['topic']} in {place(robot['domain_id'])}",
+        "Topic": f"{robot['topic']} in {place(robot['domain_id'])}" if robot["topic"] else None,
         "Profile": robot["profile"],
         "Address": robot["address"],
         **robot["labels"],
@@ -360,8 +356,9 @@ def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Co
         worst.setdefault((each.problem["group"], each.problem["component"]), each.state)
     rows = []
     for component in robot["components"]:
-        states = (component["state"], worst.get((component["group"], component["component"]), "OK"))
-        rows.append((max(states, key=SEVERITIES.__getitem__), component))
+        of_problem = worst.get((component["group"], component["component"]), "OK")
+        own = "OK" if of_problem == "FLAPPING" else component["state"]  # that of this moment
+        rows.append((max(own, of_problem, key=SEVERITIES.__getitem__), component))
     rows.sort(key=lambda each: (-SEVERITIES[each[0]], natural(component_path(each[1]))))
     shown = []
     left = MAX_LISTED

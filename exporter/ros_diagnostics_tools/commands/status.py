@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.severity import (
     clock,
     component_path,
     downtime_texts,
+    is_robot,
     short_names,
     shown_problems,
     span,
@@ -224,7 +225,7 @@ def _coloured(state: str) -> Text:
 
 
 def _summary(fleet: dict[str, Any], robots: Sequence[dict[str, Any]]) -> Text:
-    count = Counter(map(state_of, robots))
+    count = Counter(state_of(each) for each in robots if len(robots) == 1 or is_robot(each))
     found = ", ".join(f"{count[state]} {state}" for state in SEVERITIES if count[state])
     if len(robots) == 1:
         found = f"{robots[0]['robot']} is {found.removeprefix('1 ')}"

@@ -14,9 +14,9 @@ from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
+    DEVICE,
     HELD,
     HELD_OF_ROBOT,
-    UPLINK,
     answering,
     in_order,
     label,
@@ -78,16 +78,17 @@ def robots_by_state() -> stat.Panel:
         "Robots by state",
         "How many robots are in each state? CRITICAL: an error, or fewer components than "
         "expected. SILENT: nothing is received. UNKNOWN: its exporter does not answer. "
-        "UNREACHABLE: its uplink fails. STALE: a component stopped reporting. WARNING: it works, "
-        "but needs attention. PENDING: declared in fleet.yml, never received. UNKNOWN, "
-        "UNREACHABLE and PENDING are shown while a robot is. A question mark: not known while an "
+        "UNREACHABLE: its uplink fails. STALE: a component stopped reporting. FLAPPING: a "
+        "component, or the robot, changes all the time. WARNING: it works, but needs attention. "
+        "PENDING: declared in fleet.yml, never received. UNKNOWN, UNREACHABLE, FLAPPING and "
+        "PENDING are shown while a robot is. A question mark: not known while an "
         "exporter does not answer. A click filters by the state.",
         counts[palette.CRITICAL],
     ).mappings(palette.UNKNOWN_NUMBER)
     panel = panels.on_colour(number).targets(
         [
             panels.at_end(expr, state.word, ref)
-            for ref, (state, expr) in zip("ABCDEFGH", counts.items(), strict=True)
+            for ref, (state, expr) in zip("ABCDEFGHI", counts.items(), strict=True)
         ]
     )
     for state in counts:
@@ -97,7 +98,8 @@ def robots_by_state() -> stat.Panel:
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(24).height(3)
 
 
-_SELDOM = (palette.UNKNOWN, palette.UNREACHABLE, palette.PENDING)  # no tile where there is none
+# No tile where there is none.
+_SELDOM = (palette.UNKNOWN, palette.UNREACHABLE, palette.FLAPPING, palette.PENDING)
 
 
 def _count(state: palette.State) -> str:
@@ -261,7 +263,7 @@ def health() -> timeseries.Panel:
             panels.over_time(
                 f'sum({_COUNT}{{{_MATCHERS}, state="{label}"}}){none.get(word, "")}', word, ref
             )
-            for ref, (word, label, _colour) in zip("ABCDEFGH", states, strict=True)
+            for ref, (word, label, _colour) in zip("ABCDEFGHI", states, strict=True)
         ),
     )
     for word, _label, colour in states:
@@ -277,7 +279,7 @@ def wall() -> stat.Panel:
     found = f"""
       ({_RANK} ${{state:raw}})
     * on (fleet, robot) group_left (site, at)
-      ({_at_site(_SELECTED)} unless on (fleet, robot) {UPLINK})
+      ({_at_site(_SELECTED)} unless on (fleet, robot) {DEVICE})
     and on (at)
       {label("vector(0)", "at", "${wall:raw}")}
     """

@@ -17,7 +17,7 @@ from grafana_foundation_sdk.models import dashboard
 class State(NamedTuple):
     """A state of a robot or component; ``rank`` is its number in the recorded states."""
 
-    rank: int
+    rank: float
     word: str
     colour: str
 
@@ -25,12 +25,16 @@ class State(NamedTuple):
 PENDING = State(-1, "PENDING", "#D0D0D0")
 OK = State(0, "OK", "#1F7F63")
 WARNING = State(1, "WARNING", "#FFD92F")
+FLAPPING = State(1.5, "FLAPPING", "#FFA55A")
 STALE = State(2, "STALE", "#9350C9")
 UNREACHABLE = State(3, "UNREACHABLE", "#90BEF8")  # its uplink fails: that is the fault
 UNKNOWN = State(4, "UNKNOWN", "#3D3D3D")  # its exporter does not answer
 SILENT = State(5, "SILENT", "#1B3A86")
 CRITICAL = State(6, "CRITICAL", "#C1121F")
-STATES = (PENDING, OK, WARNING, STALE, UNREACHABLE, UNKNOWN, SILENT, CRITICAL)  # by rank
+STATES = (  # by rank
+    *(PENDING, OK, WARNING, FLAPPING, STALE),
+    *(UNREACHABLE, UNKNOWN, SILENT, CRITICAL),
+)
 WORST_FIRST = STATES[::-1]
 
 # The other parts of the availability report.

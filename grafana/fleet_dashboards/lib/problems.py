@@ -13,7 +13,7 @@ from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, UPLINK, label, named, silent_reason
+from fleet_dashboards.lib.promql import DEVICE, HELD, HELD_OF_ROBOT, label, named, silent_reason
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -56,7 +56,7 @@ _KINDS = (
     ),
     _Kind('scope="robot", state="silent"', palette.SILENT),
     _Kind('scope="robot", state="pending"', palette.PENDING),
-    _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
+    _Kind('scope="robot", state="flapping"', palette.FLAPPING, "comes and goes"),
     _Kind(
         'scope="robot", state="many", severity="critical"',
         palette.CRITICAL,
@@ -67,7 +67,7 @@ _KINDS = (
         palette.WARNING,
         "many components failed at once",
     ),
-    _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="flapping"', palette.FLAPPING),
     _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
 )
 _OF_MANY = (
@@ -94,7 +94,7 @@ def _of_many(matchers: str, members: str) -> str:
 
     That of an uplink is one, too: its robots are out of reach.
     """
-    down = f"({_ranked(_CRITICAL, matchers)} and on (fleet, robot) {UPLINK})"
+    down = f"({_ranked(_CRITICAL, matchers)} and on (fleet, robot) {DEVICE})"
     listed = "\nor\n".join(_ranked(kind, matchers, members) for kind in _OF_MANY)
     robots = f'group by (fault, fleet, robot) ({HELD_OF_ROBOT}{{scope=~"site|common"}})'
     number = f'count_values by (fault) ("who", count by (fault) ({robots}))'
@@ -164,7 +164,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
     unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
     unless on (fleet, robot) ({behind} and on (fleet)
-      ({HELD}{{{faults}, {_CRITICAL.matchers}}} and on (fleet, robot) {UPLINK}))
+      ({HELD}{{{faults}, {_CRITICAL.matchers}}} and on (fleet, robot) {DEVICE}))
 """
     # Of few components, before they are grouped: there are messages of all.
     message = f"""

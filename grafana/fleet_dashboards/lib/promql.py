@@ -10,8 +10,8 @@ from __future__ import annotations
 HELD = "fleet:ros_diagnostics_fault_start:held"
 # The same of each robot, with those of sites and of many robots that it is part of.
 HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
-# What robots name as their uplink, and is no robot itself, such as an access point.
-UPLINK = "robot:ros_diagnostics_uplink:info"
+# What has no place in ROS, and is no robot, such as an access point.
+DEVICE = "robot:ros_diagnostics_device:info"
 # Series that belong to no value: the exporter's own families, recorded series, alerts.
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 

@@ -282,6 +282,7 @@ def test_a_robot_of_queries_may_have_topics_and_is_never_silent(tmp_path):
     assert driver.faults() == [("E-stop", "critical")]
     driver.at(driver.now.mono + 60)
     assert driver.sample("robot_up") == 1
+    assert driver.sample("robot_info", domain_id="0") == 1
 
 
 def test_robots_of_queries_without_a_domain_leave_the_root_namespace_to_others(tmp_path):
@@ -292,6 +293,9 @@ def test_robots_of_queries_without_a_domain_leave_the_root_namespace_to_others(t
     driver.types = {"/e_stop": [BOOL]}
     driver.state.update_nodes(0, [("driver", "/")], driver.now)
     assert driver.state.watched_topics(0, driver.types, driver.now) == {"/e_stop": BOOL}
+    assert driver.sample("robot_info", robot="ap", domain_id="none") == 1
+    robots = fleet_snapshot(driver.state, driver.now)["robots"]
+    assert {each["robot"]: each["domain_id"] for each in robots} == {"ap": None, "r": 0}
 
 
 def test_a_robot_that_two_components_are_made_for_of_fields_and_of_diagnostics_is_one(driver):

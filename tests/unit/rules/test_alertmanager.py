@@ -711,7 +711,7 @@ def test_names_and_texts_of_a_robot_stay_text(render, kind):
     ("status", "labels", "shown"),
     [
         ("firing", {"severity": "critical", "state": "critical"}, "CRITICAL"),
-        ("firing", {"severity": "warning", "state": "flapping"}, "WARNING"),
+        ("firing", {"severity": "warning", "state": "flapping"}, "FLAPPING"),
         ("firing", {"severity": "warning", "state": "stale"}, "STALE"),
         ("firing", {"severity": "critical", "state": "silent"}, "SILENT"),
         ("firing", {"severity": "warning", "state": "pending"}, "PENDING"),

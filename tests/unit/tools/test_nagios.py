@@ -110,6 +110,10 @@ def test_with_confirmed_only_what_the_exporter_has_confirmed_counts():
     held = broken(healthy=True, suppressed="flapping")
     open_still = robot("robot_1", component("Motor 1", "OK"), problems=[held])
     assert confirmed_only("", open_still)[0] == 2
+    of = {"group": "/Motor", "component": "Motor 1", "confirmed": 1_000.0}
+    flapping = problem("flapping", "flapping", **of)
+    shown = robot("robot_1", component("Motor 1", "ERROR"), problems=[flapping])
+    assert confirmed_only("", shown)[0] == 1
 
 
 def test_with_confirmed_a_silence_and_a_short_check_count_when_they_are():

@@ -244,7 +244,7 @@ def test_the_runbook_of_a_fault_is_that_of_its_alert():
     rules = yaml.safe_load((ROOT / "prometheus/rules/faults.yml").read_text())
     found = {}
     for rule in (each for group in rules["groups"] for each in group["rules"]):
-        of = re.search(r'latest\{scope="(\w+)"(?:, state="(\w+)")?', rule["expr"])
+        of = re.search(r'scope="(\w+)"(?:, state="(\w+)")?', rule["expr"])
         if "alert" in rule and of:
             found[of[1], of[2] or ""] = rule["alert"]
     assert len(found) == 20
@@ -406,6 +406,16 @@ def test_a_search_counts_what_it_found_and_nothing_else():
     assert counts("nowhere") == ""
 
 
+def test_what_has_no_place_in_ros_is_listed_and_counts_as_no_robot():
+    dock = robot("dock_1", component("battery", "ERROR"), domain_id=None, topic=None)
+    given = fleet(robot("amr_1"), dock)
+    html = landing(given, "/metrics")
+    page = read(html).text
+    assert read(html.partition("<ul class=sum>")[2].partition("</ul>")[0]).text == "1OK"
+    assert "All robots: 1OK amr_1Not robots: 1CRITICAL dock_1" in page
+    assert "None in domain" not in read(robot_page(given, "dock_1", ())).text
+
+
 def test_a_search_finds_components_too_the_worst_first():
     lasers = component("Laser 1", "OK"), component("Laser 2", "STALE", message="<gone>")
     given = fleet(robot("a b", *lasers), robot("c", component("Motor 1", "ERROR")))
@@ -549,14 +559,28 @@ def test_a_milder_problem_that_goes_on_under_a_worse_one_is_not_listed():
     assert text_of(robot("a", motor, problems=many)).count("many components failed at once") == 1
 
 
-def test_maintenance_and_flapping_are_marked():
-    flapping = problem("flapping", "flapping", group="/Motor", component="Motor 1")
+def test_what_is_flapping_is_so_in_all_of_its_levels_and_maintenance_is_marked():
+    flapping = problem(
+        "flapping", "flapping", group="/Motor", component="Motor 1", confirmed=1_010.0
+    )
     given = robot("a", component("Motor 1", "OK"), problems=[flapping])
     text = text_of(given, robot("b", maintenance=True, maintenance_until=90_000.0, problems=[MUTE]))
-    assert "a OK flapping" in text
-    assert text.count("flapping") == 2
-    assert "a OK flapping" not in text_of(robot("a", problems=[flapping | {"healthy": True}]))
+    assert "a FLAPPING" in text
     assert "flapping: 25% of its last states were changes" in text
+    bad = component("Motor 1", "ERROR")
+    assert state_of(robot("a", bad, problems=[flapping])) == "FLAPPING"
+    assert (
+        state_of(robot("a", bad, component("Motor 2", "WARN"), problems=[flapping])) == "FLAPPING"
+    )
+    assert state_of(robot("a", bad, component("Arm", "ERROR"), problems=[flapping])) == "CRITICAL"
+    assert state_of(robot("a", bad, problems=[{**flapping, "confirmed": None}])) == "CRITICAL"
+    comes_and_goes = problem("robot", "flapping", confirmed=1_010.0)
+    assert state_of(robot("a", problems=[comes_and_goes])) == "FLAPPING"
+    assert state_of(robot("a", **SILENT, problems=[comes_and_goes])) == "FLAPPING"
+    behind = {"up": False, "silent_reason": "uplink_down"}
+    assert state_of(robot("a", **behind, problems=[comes_and_goes])) == "UNREACHABLE"
+    page = robot_page(fleet(robot("a", bad, problems=[flapping])), "a", ())
+    assert "FLAPPING /Motor/Motor 1" in read(page).text.partition("Components: 1")[2]
     assert "maintenance until 1970-01-02 01:00 UTC" in text
     given = robot(
         "a",
