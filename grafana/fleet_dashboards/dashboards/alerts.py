@@ -10,7 +10,7 @@ from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import closed_row, new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label, reached, settled
+from fleet_dashboards.lib.promql import DEVICE, HELD, HELD_OF_ROBOT, label, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -92,7 +92,7 @@ def firing_by_severity(severity: str) -> stat.Panel:
     """Count the firing alerts of one severity."""
     alerts = f'ALERTS{{alertstate="firing", severity="{severity}", {_ALERTS}}}'
     panel = panels.number(
-        f"Firing: {severity}",
+        severity.capitalize(),
         f"{QUESTIONS[severity]}? Firing alerts of this severity.",
         f"count({alerts})\nor on ()\n  group({_EVALUATED}) * 0",
     )
@@ -201,9 +201,9 @@ def firing_alerts() -> table.Panel:
             tables.ROBOT._replace(min_width=0, width=130),
             Column("message", "Message", min_width=200),
             Column("component", "Component", link=links.TO_COMPONENT, width=130),
-            Column("B", "Since", unit=tables.TIME, width=150),
+            Column("B", "Since", unit=tables.MINUTE, width=105),
             Column("receiver", "Notified", width=100),
-            Column("E", "At", unit=tables.TIME, width=150),
+            Column("E", "At", unit=tables.MINUTE, width=105),
             Column("alertname", "Alert", width=250),
             tables.FLEET._replace(hidden=True),
         ],
@@ -289,7 +289,7 @@ def fired() -> table.Panel:
         "Which alerts fired, how often, and when did the last one begin? Most often first.",
         {"A": _TIMES_FIRED, "B": _LAST_BEGAN},
         [
-            Column("A", "Times", width=70),
+            Column("A", "Times", width=90),
             SEVERITY,
             Column("alertname", "Alert", width=330),
             *COMPONENT,
@@ -407,9 +407,9 @@ PARTS = {
 }
 FLEET = Column("fleet", "Fleet")
 SHARES = (
-    Column("available", "Available", unit="percentunit", width=90),
+    Column("available", "Available", unit="percentunit", width=110),
     *(
-        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=108)
+        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=120)
         for part in PARTS
     ),
 )
@@ -451,12 +451,13 @@ _FAULTS = f"""
   sum by (fleet, robot) (
     max by (fleet, robot, fault) (
       1 + changes({HELD_OF_ROBOT}{{{_FLEET}, severity="critical"}}[$__range])
-    )
+    ) unless on (fleet, robot) {DEVICE}
   )
 """
 _LONGEST = f"""
   max by (fleet, robot) (
     max_over_time(robot:ros_diagnostics_down:seconds{{{_FLEET}}}[$__range])
+    unless on (fleet, robot) {DEVICE}
   )
 """
 _BY_ROBOT = f"""

@@ -11,6 +11,7 @@ from fleet_dashboards.lib.promql import (
     HELD,
     component_rank,
     in_order,
+    named,
     problem_began,
     values,
     with_unit,
@@ -62,10 +63,10 @@ def states() -> table.Panel:
     """List the robots that have the component."""
     changes = f"ros_diagnostics_component_changes_total{{{_SELECTED}}}[$__range]"
     since = f"""
-      max {_BY} (
-          {HELD}{{{_SELECTED}, scope="component"}}
+      (
+          max {_BY} ({HELD}{{{_SELECTED}, scope=~"component|flapping"}})
         or
-          ros_diagnostics_component_problem_since_timestamp_seconds{{{_SELECTED}}}
+          max {_BY} (ros_diagnostics_component_problem_since_timestamp_seconds{{{_SELECTED}}})
       )
     """
     return (
@@ -87,9 +88,9 @@ def states() -> table.Panel:
                 tables.STATE,
                 tables.ROBOT_IN_ORDER,
                 Column("message", "Message", min_width=200),
-                Column("B", "Since", unit=tables.TIME, width=160),
-                Column("D", "Flapping", unit="percentunit", width=90),
-                Column("E", "Changes", width=90),
+                Column("B", "Since", unit=tables.MINUTE, width=105),
+                Column("D", "Flapping", unit="percentunit", width=85),
+                Column("E", "Changes", width=85),
                 tables.FLEET,
                 tables.NAME,
             ],
@@ -116,7 +117,7 @@ def states_over_time() -> statetimeline.Panel:
         "Did it fail everywhere at once, or on one robot after the other? The "
         f"{LINES} robots on which it is worst at the end of the range, of equal ones the oldest "
         "trouble first: filter to see others.",
-        panels.over_time(placed, "{{robot}}"),
+        panels.over_time(named(placed), "{{who}}"),
     ).data_links([link])
 
 

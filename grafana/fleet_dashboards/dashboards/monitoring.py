@@ -55,18 +55,10 @@ def build() -> builders.Dashboard:
             notification_time(),
             server_cpu(),
             server_memory(),
-            "Canary: needs `canary` in fleet.yml",
-            canaries_in_time(),
-            canary_under_way(),
-            canary_time(),
+            closed_row("Canary", canaries_in_time(), canary_under_way(), canary_time()),
+            closed_row("Hosts", hosts.pings(), hosts.ping_time()),
             closed_row(
-                "Pings of robots and uplinks, services of the robots' computers: needs "
-                "blackbox_exporter, see the end of prometheus.yml",
-                hosts.pings(),
-                hosts.ping_time(),
-            ),
-            closed_row(
-                "Robots' computers: needs node_exporter on them, see the end of prometheus.yml",
+                "Computers",
                 hosts.computers(),
                 hosts.cpu(),
                 hosts.memory(),
@@ -153,9 +145,9 @@ def exporters() -> table.Panel:
             Column("G", "Domains", width=80),
             Column("H", "Discovery", unit=tables.DURATION, width=115),
             Column("B", "Config", mappings=SUCCESS, width=100, background=True),
-            Column("C", "Config read", unit=tables.TIME, width=160),
+            Column("C", "Config read", unit=tables.MINUTE, width=115),
             Column("D", "State file", mappings=SUCCESS, width=100, background=True),
-            Column("E", "State written", unit=tables.TIME, width=160),
+            Column("E", "State written", unit=tables.MINUTE, width=115),
             Column("I", "Acknowledgements", mappings=UP, width=150, background=True),
         ],
         sort=("Fleet",),
@@ -207,11 +199,15 @@ def rejected_messages() -> timeseries.Panel:
         f"sum by (fleet, reason) (rate({each}[$__rate_interval])) > 0" for each in counters
     )
     none = label(f"sum by (fleet) (rate({counters[0]}[$__rate_interval])) * 0", "reason", "nothing")
-    return panels.graph(
-        "Rejected messages per second",
-        "What is rejected, and why?",
-        panels.over_time(f"({rates})\nor on (fleet)\n  {none}", "{{fleet}}: {{reason}}"),
-    ).min(0)
+    return (
+        panels.graph(
+            "Rejected messages per second",
+            "What is rejected, and why?",
+            panels.over_time(f"({rates})\nor on (fleet)\n  {none}", "{{fleet}}: {{reason}}"),
+        )
+        .min(0)
+        .axis_soft_max(1)
+    )
 
 
 def exporter_scrape_time() -> timeseries.Panel:
@@ -447,7 +443,8 @@ def canary_under_way() -> stat.Panel:
     start = f"ros_diagnostics_canary_start_timestamp_seconds{{{_FLEET}}}"
     panel = panels.number(
         "Canary in flight",
-        "How long ago was the present test notification sent? Red: longer than a minute.",
+        "How long ago was the present test notification sent? Red: longer than a minute. Needs "
+        "`canary` in fleet.yml.",
         f"""
           max by (fleet) (time() - {start})
         or

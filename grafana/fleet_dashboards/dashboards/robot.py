@@ -149,12 +149,16 @@ _CLOCK_OFFSET = f"max by (fleet, robot) (ros_diagnostics_robot_clock_offset_seco
 def message_age_now() -> stat.Panel:
     """Show the age of the last message."""
     never = f"ros_diagnostics_robot_last_message_timestamp_seconds{{{_ROBOT}}} == 0"
-    return panels.number(
-        "Last message",
-        "How old was the last message when the exporter was scraped?",
-        f"{_MESSAGE_AGE}\nor on (fleet, robot)\n  ({never}) - 1",
-        tables.DURATION,
-    ).mappings(palette.words({"-1": ("never", None)}))
+    return (
+        panels.number(
+            "Last message",
+            "How old was the last message when the exporter was scraped?",
+            f"{_MESSAGE_AGE}\nor on (fleet, robot)\n  ({never}) - 1",
+            "s",
+        )
+        .decimals(0)
+        .mappings(palette.words({"-1": ("never", None)}))
+    )
 
 
 def clock_offset() -> stat.Panel:

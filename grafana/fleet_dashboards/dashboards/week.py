@@ -18,6 +18,8 @@ _BEFORE = " offset 7d"
 _AVAILABLE = ', part=~"ok|warning"'
 _COUNTED = ', part!~"maintenance|undetermined|pending"'
 _DAYS = 7
+# The words for the time range; Grafana 12 and later.
+_RANGE = builders.TimeOption().display("7 days with today").from_val("now-6d/d").to("now/d")
 _NAMES = ("Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat")
 
 
@@ -44,6 +46,7 @@ def build() -> builders.Dashboard:
             ],
         )
         .time("now-6d/d", "now/d")  # whole days of Grafana's time zone
+        .timepicker(builders.TimePicker().quick_ranges([_RANGE]))
         .refresh("5m")
     )
 

@@ -21,6 +21,16 @@ _SILENT_SITE = f"""
         (time() - max by (site) (max_over_time(timestamp({_HELD}{{site!=""}})[1d:1m]))) / 60
     ) >= 2
 """
+# How long it has not answered, in minutes; 0 also where it never did.
+_SILENT_ALERTMANAGER = """
+    floor((time() - max_over_time(timestamp(up{job="alertmanager"} == 1)[1d:1m])) / 60)
+    and on (instance)
+      up{job="alertmanager"} == 0
+  or
+    up{job="alertmanager"} == 0
+"""
+_AWAY = f"group by (fleet) ({_EXPORTERS} unless on (instance, job) up == 1)"
+_ALERTED = 'ALERTS{alertname="RosDiagnosticsExporterDown", alertstate="firing"}'
 _FAILING = f"sum by (instance, alertmanager) (increase({_SENT}[1m])) > 0"
 _NOT_REACHED = label(_FAILING, "at", "$1", "alertmanager", "(?:https?://)?([^/]*).*")
 _REACHES_NONE = f"""
@@ -34,8 +44,13 @@ _REACHES_NONE = f"""
 # Expression (1: broken, 2: not known) and the text; $1 is the label's value.
 _BROKEN = (
     (
-        f"group by (fleet) ({_EXPORTERS} unless on (instance, job) up == 1)",
-        "The exporter of $1 does not answer: faults are as they were before",
+        f"{_AWAY} and on (fleet) {_ALERTED}",
+        "The exporter of $1 does not answer, its alert fires: faults are as before",
+        "fleet",
+    ),
+    (
+        f"{_AWAY} unless on (fleet) {_ALERTED}",
+        "The exporter of $1 does not answer, nobody is notified yet: faults are as before",
         "fleet",
     ),
     (
@@ -82,15 +97,20 @@ _BROKEN = (
     ),
     (
         "max(prometheus_notifications_alertmanagers_discovered) < bool 1 == 1",
-        "Prometheus has no Alertmanager: no notification is sent",
+        "Prometheus has no Alertmanager: nobody is notified",
         "",
     ),
     (
-        'group by (instance) (up{job="alertmanager"} == 0)',
-        "Alertmanager $1 does not answer",
+        f"""
+        label_join(
+          count_values by (instance) ("for", {_SILENT_ALERTMANAGER}),
+          "instance", " has not answered for ", "instance", "for"
+        )
+        """,
+        "Alertmanager $1 min",
         "instance",
     ),
-    (_REACHES_NONE, "Prometheus does not reach Alertmanager: no notification is sent", ""),
+    (_REACHES_NONE, "Prometheus does not reach Alertmanager: nobody is notified", ""),
     (
         f"group by (at) ({_NOT_REACHED}) unless on () {_REACHES_NONE}",
         "Prometheus does not reach Alertmanager $1",
@@ -119,7 +139,7 @@ _BROKEN = (
     ),
 )
 WORKS = "The monitoring works"
-DEAD = "Prometheus does not answer: nothing on this page is known"
+DEAD = "Prometheus does not answer: nothing on this page is known, and nobody is notified"
 
 
 def _trouble() -> str:

@@ -13,7 +13,7 @@ from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import DEVICE, HELD, HELD_OF_ROBOT, label, named, silent_reason
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, UPLINK, label, named, silent_reason
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -71,15 +71,9 @@ _KINDS = (
     _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
 )
 _OF_MANY = (
-    _Kind('scope="site", site=""', palette.SILENT, "many robots are silent", board=links.FLEET_UID),
-    _Kind(
-        'scope="site", site!=""',
-        palette.SILENT,
-        "many robots of site $1 are silent",
-        "site",
-        board=links.FLEET_UID,
-    ),
-    _Kind('scope="common"', palette.CRITICAL, "on many robots at once", board=links.COMPONENT_UID),
+    _Kind('scope="site", site=""', palette.SILENT, board=links.FLEET_UID),
+    _Kind('scope="site", site!=""', palette.SILENT, "site $1", "site", board=links.FLEET_UID),
+    _Kind('scope="common"', palette.CRITICAL, board=links.COMPONENT_UID),
 )
 
 
@@ -94,7 +88,7 @@ def _of_many(matchers: str, members: str) -> str:
 
     That of an uplink is one, too: its robots are out of reach.
     """
-    down = f"({_ranked(_CRITICAL, matchers)} and on (fleet, robot) {DEVICE})"
+    down = f"({_ranked(_CRITICAL, matchers)} and on (fleet, robot) {UPLINK})"
     listed = "\nor\n".join(_ranked(kind, matchers, members) for kind in _OF_MANY)
     robots = f'group by (fault, fleet, robot) ({HELD_OF_ROBOT}{{scope=~"site|common"}})'
     number = f'count_values by (fault) ("who", count by (fault) ({robots}))'
@@ -114,7 +108,7 @@ def _ranked(kind: _Kind, matchers: str, members: str = "") -> str:
     if members:
         found = f"({found} and on (fault) {HELD_OF_ROBOT}{{{members}}})"
     found = f"{found} * 0 + {kind.state.rank}"
-    if kind.state is palette.WARNING:
+    if kind.state in (palette.WARNING, palette.FLAPPING):
         worse = f'{HELD}{{{matchers}, state=~"{kind.under}"}}'
         found = f"({found} unless on ({_NESTED}) {worse})"
     if kind.state is palette.STALE:
@@ -164,7 +158,7 @@ def _soft(matchers: str, faults: str, covered: str, chosen: str) -> str:
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
     unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
     unless on (fleet, robot) ({behind} and on (fleet)
-      ({HELD}{{{faults}, {_CRITICAL.matchers}}} and on (fleet, robot) {DEVICE}))
+      ({HELD}{{{faults}, {_CRITICAL.matchers}}} and on (fleet, robot) {UPLINK}))
 """
     # Of few components, before they are grouped: there are messages of all.
     message = f"""
@@ -327,16 +321,16 @@ def _state_mappings() -> list[dashboard.ValueMapping]:
     return palette.words(shown)
 
 
-ROBOT = Column("who", "Robot", link=links.OF_WHO, width=150, filtered=True)
-# On a screen of 1366 pixels all of them.
+ROBOT = Column("who", "Robot", link=links.OF_WHO, width=125, filtered=True)
+# On a screen of 1366 pixels all of them, also beside Grafana's menu, which takes 300.
 _COLUMNS = (
     tables.STATE._replace(mappings=_state_mappings()),
     ROBOT,
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
-    Column("component", "Component", link=links.TO_COMPONENT, width=145, filtered=True),
-    Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Handled by", width=240, links=links.OF_PROBLEM),
-    Column("E", "At", unit=tables.TIME, width=150),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=250),
+    Column("component", "Component", link=links.TO_COMPONENT, width=125, filtered=True),
+    Column("B", "Since", unit=tables.MINUTE, width=105),
+    Column("care", "Handled by", width=190, links=links.OF_PROBLEM),
+    Column("E", "At", unit=tables.MINUTE, width=105),
     tables.FLEET._replace(hidden=True),
     Column("robot", "Name", hidden=True),
     Column("site", "Site", hidden=True),

@@ -10,6 +10,9 @@ from __future__ import annotations
 HELD = "fleet:ros_diagnostics_fault_start:held"
 # The same of each robot, with those of sites and of many robots that it is part of.
 HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
+# What robots name as their uplink, as `robot`.
+_UPLINKS = 'group by (fleet, uplink) (robot:ros_diagnostics:info{uplink!=""})'
+UPLINK = f'label_replace({_UPLINKS}, "robot", "$1", "uplink", "(.*)")'
 # What has no place in ROS, and is no robot, such as an access point.
 DEVICE = "robot:ros_diagnostics_device:info"
 # Series that belong to no value: the exporter's own families, recorded series, alerts.

@@ -22,6 +22,7 @@ from fleet_dashboards.lib.promql import or_nothing
 from fleet_dashboards.lib.variables import DATASOURCE
 
 TIME = "dateTimeAsIsoNoDateIfToday"  # of milliseconds
+MINUTE = "time:D MMM HH:mm"  # as wide on any day
 DURATION = "dtdhms"  # of seconds: 01:02:03, from a day on "2 d 01:02:03"
 
 

@@ -304,12 +304,12 @@ def test_a_dead_alertmanager_is_announced_and_faults_stay(odd: OddSite, odd_page
     odd_page.open(FLEET)
 
     odd_page.wait_for(
-        "Monitoring", f"Alertmanager {odd.site.addresses.alertmanager} does not answer"
+        "Monitoring", f"Alertmanager {odd.site.addresses.alertmanager} has not answered for"
     )
     odd_page.wait_for("Problems", odd_names.COMPONENT)
     odd_page.wait_for("Number of problems", "1")
     odd_page.open(ALERTS)
-    odd_page.wait_for("Monitoring", "does not answer")
+    odd_page.wait_for("Monitoring", "has not answered for")
     odd_page.wait_for("Suppressed", "No data")
     odd_page.wait_for("Silences", "No data")
 
@@ -342,4 +342,4 @@ def test_a_dead_prometheus_looks_well_nowhere(odd: OddSite, odd_page: browser.Pa
         assert well == []
 
 
-DEAD = "Prometheus does not answer: nothing on this page is known"
+DEAD = "Prometheus does not answer: nothing on this page is known, and nobody is notified"

@@ -76,7 +76,7 @@ def test_a_text_without_data_claims_nothing(panel):
 
     assert text.startswith("No data") or text in {
         "not known",
-        "Prometheus does not answer: nothing on this page is known",
+        "Prometheus does not answer: nothing on this page is known, and nobody is notified",
     }
 
 
