@@ -206,7 +206,7 @@ def share_working() -> stat.Panel:
     known = f'sum({_COUNT}{{{_MATCHERS}, state!="pending"}})'
     working = f"""
       (
-          sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
+          sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning|flapping"}})
         or
           {known} * 0 and on () ({_PROOF})
         or

@@ -249,7 +249,7 @@ def _care(matchers: str, states: str) -> str:
         label(f"(({faults} or {soft}) and on ({_COMPONENT}) {parts})", "care", "maintenance"),
         label(
             f"({last} and on ({IDENTITY}) {several})",
-            *("care", "notified: $1 and others", "receiver", "(.*)"),
+            *("care", "notified: $1 …", "receiver", "(.*)"),
         ),
         label(last, "care", "notified: $1", "receiver", "(.*)"),
         label(f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)", "care", "not notified yet"),

@@ -10,11 +10,15 @@ from __future__ import annotations
 HELD = "fleet:ros_diagnostics_fault_start:held"
 # The same of each robot, with those of sites and of many robots that it is part of.
 HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
-# What robots name as their uplink, as `robot`.
-_UPLINKS = 'group by (fleet, uplink) (robot:ros_diagnostics:info{uplink!=""})'
-UPLINK = f'label_replace({_UPLINKS}, "robot", "$1", "uplink", "(.*)")'
 # What has no place in ROS, and is no robot, such as an access point.
 DEVICE = "robot:ros_diagnostics_device:info"
+# What of it robots name as their uplink.
+_UPLINKS = 'group by (fleet, uplink) (robot:ros_diagnostics:info{uplink!=""})'
+UPLINK = f"""(
+  {DEVICE}
+and on (fleet, robot)
+  label_replace({_UPLINKS}, "robot", "$1", "uplink", "(.*)")
+)"""
 # Series that belong to no value: the exporter's own families, recorded series, alerts.
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
