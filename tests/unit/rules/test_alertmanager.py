@@ -235,6 +235,9 @@ def test_mail_about_a_recovery_has_its_end_and_no_commands(render, part):
     assert "What ended it: a fresh message with a better level." in output
     assert "silences/new" not in output
     assert "ros-diagnostics ack" not in output
+    warning = {**CRITICAL, "state": "warning", "severity": "warning"}
+    output = render(f"email.{part}", data("resolved", warning, end="recovered", evidence="OK"))
+    assert "a fresh message with a better level (OK)." in html.unescape(output)
 
 
 def test_a_test_page_asks_for_nothing_and_ends_by_itself(render):
