@@ -112,7 +112,8 @@ class Page:
     def rows(self, title: str) -> list[list[str]]:
         """Return the texts of a table's cells that are shown, without its header."""
         rows = self.panel(title).get_by_role("row")
-        return [row.get_by_role("cell").all_inner_texts() for row in rows.all()[1:]]
+        cells = "[role=cell], [role=gridcell]"  # of Grafana 12: the second
+        return [row.locator(cells).all_inner_texts() for row in rows.all()[1:]]
 
     def link(self, title: str, text: str) -> str:
         """Return where the link of a table's cell leads to."""
