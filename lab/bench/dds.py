@@ -26,6 +26,7 @@ from pathlib import Path
 from statistics import mean
 from typing import NamedTuple
 
+from bench.actors.publishing import topic_of
 from bench.hostile import peak_megabytes
 from bench.scraper import MESSAGES, total
 from bench.sim import cpu_seconds, resident_megabytes
@@ -142,7 +143,15 @@ def exporting(
     program: Sequence[str | Path] = EXPORTER,
 ) -> tuple[Cost, Fleet]:
     """What the exporter costs with the same messages."""
-    with running(zenoh=zenoh, seconds=2 * BEGIN + options.seconds, more=LIMITS) as site:
+    # Discovered ones are found in steps, each when those before have published something; here they
+    # publish once all are subscribed.
+    place = 'zenoh: "/"' if zenoh else "domain_id: DOMAIN"
+    declared = "".join(
+        f"  - {{name: robot_{number}, topic: {topic_of(number)}, {place}}}\n"
+        for number in range(options.robots)
+    )
+    fleet_yml = f"{LIMITS}robots:\n{declared}"
+    with running(zenoh=zenoh, seconds=2 * BEGIN + options.seconds, more=fleet_yml) as site:
         server = site.exporter
         exporter, address = server.process, server.address
         exporter.argv = [*map(str, program), *exporter.argv[1:]]
