@@ -271,7 +271,8 @@ class Component:
         level, since = self.level, self.since
         if self.resumes is not None:  # not received since the last start
             level, since = self.resumes
-        is_named = self.name == self.identity[0] or is_name_of(self.name, self.identity)
+        is_plain = self.name == self.identity[0] and not self.identity[2]  # as of most
+        is_named = is_plain or is_name_of(self.name, self.identity)
         return PersistedComponent(
             identity=self.identity,
             group=self.group,

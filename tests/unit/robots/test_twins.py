@@ -166,6 +166,18 @@ def test_an_aggregator_beside_them_makes_no_third_component():
     }
 
 
+def test_one_that_had_a_fault_when_they_were_told_apart_ends_it_after_a_restart(tmp_path):
+    """It keeps the name of its fault until then."""
+    nodes = Nodes("a", "b")
+    nodes.stand(30, LEFT._replace(level=ERROR), None)
+    nodes.stand(30, LEFT._replace(level=ERROR), RIGHT)
+    nodes.driver = nodes.driver.again(tmp_path / "state")
+    nodes.stand(30, LEFT._replace(level=ERROR), RIGHT)
+    assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
+    nodes.stand(10, LEFT, RIGHT)
+    assert (nodes.faults, recovered(nodes.driver)) == (set(), ["lidar: Status"])
+
+
 # -- what is published only on a change ----------------------------------------------------------
 
 ONCE = ComponentRule(re.compile("rosserial"), reports="on_change")
@@ -295,6 +307,8 @@ def test_the_latest_counts_where_publishers_have_names_no_more():
     assert (driver.fault_names(), driver.component("rosserial").said) == (set(), None)
 
 
-@pytest.mark.parametrize("seed", [1, 47, 73, 731, 20017])  # each failed before something was mended
+@pytest.mark.parametrize(
+    "seed", [1, 47, 54, 73, 130, 731, 20017]
+)  # each failed before something was mended
 def test_whatever_happens_nothing_recovers_that_one_of_them_says_is_error(seed):
     simulated.play(seed)
