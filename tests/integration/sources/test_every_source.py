@@ -99,7 +99,12 @@ def test_silence_has_its_reason_and_a_restart_of_the_publisher_ends_it(way, run_
     offer(way, "r")
     way.robots.send("/r/diagnostics", COOL)
     running.wait_for("robot_up", 1, robot="r")
-    running.wait_for("component_level", 0, robot="r", component="Motor")
+
+    def is_cool() -> bool:  # once the graph has shown that who said HOT did not come back
+        way.robots.send("/r/diagnostics", COOL)
+        return running.sample("component_level", robot="r", component="Motor") == 0
+
+    until(is_cool, "the new publisher is believed")
 
 
 def test_a_reload_leaves_what_it_does_not_change_and_takes_the_rest_out(way, run_exporter):

@@ -236,7 +236,8 @@ def test_mail_about_a_recovery_has_its_end_and_no_commands(render, part):
     assert "silences/new" not in output
     assert "ros-diagnostics ack" not in output
     warning = {**CRITICAL, "state": "warning", "severity": "warning"}
-    output = render(f"email.{part}", data("resolved", warning, end="recovered", evidence="OK"))
+    ended = "since 2026-01-01 10:00:00 UTC;\nOK;\nended 2026-01-01 11:00:00 UTC, after 1h"
+    output = render(f"email.{part}", data("resolved", warning, evidence=ended))
     assert "a fresh message with a better level (OK)." in html.unescape(output)
 
 
