@@ -19,7 +19,11 @@ MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000, "d": 86_400_000
 # The length of a range or an offset; not a name or a number that only looks like a duration.
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smhd]:)|(?<=offset ))(\d+)(ms|s|m|h|d)\b")
 # Seconds that are numbers in an expression: file, the rule's name, as shipped, scaled.
-SECONDS = (("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),)
+SECONDS = (
+    ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),
+    ("monitoring.yml", "RosDiagnosticsLimitHit", "600", "60"),
+    ("pairs.yml", "exporter_fault:ros_diagnostics_fault:missed", "300", "30"),
+)
 FILES = ("faults", "pairs", "states", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
 SLOTS = (  # they count the evaluations of states.yml

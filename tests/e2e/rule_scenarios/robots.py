@@ -101,7 +101,7 @@ ROBOTS = (
                 UNSTEADY,
                 until='max_over_time(ros_diagnostics_robot_up{robot="unsteady"}[20s]) == 0',
             ),
-            step("unsteady: resume", UNSTEADY, until=rank("unsteady", 1)),  # as long as it flaps
+            step("unsteady: resume", UNSTEADY, until=rank("unsteady", 1.5)),  # as long as it flaps
         ),
     ),
     Scenario(

@@ -64,7 +64,7 @@ def silent(robot: str) -> str:
     return f"RobotSilent {robot}"
 
 
-def rank(robot: str, state: int) -> str:
+def rank(robot: str, state: float) -> str:
     """The robot's recorded state has this rank."""
     return f'robot:ros_diagnostics_state:rank{{robot="{robot}"}} == {state}'
 
