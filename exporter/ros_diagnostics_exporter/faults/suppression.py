@@ -215,11 +215,10 @@ def is_unreachable(book: Book, robot: RobotRecord, now: Instant) -> bool:
 
 def _may_hold(edge: Edge, problem: Problem) -> bool:
     """Whether an edge explains a problem if what it names is a fault, or will be one in time."""
-    explainer, explains = edge.problem, edge.problem.effect.explains
-    if explains == "never" or (explains == "as a fault" and explainer.fault is None):
+    explains = edge.problem.effect.explains
+    if explains == "never" or (explains == "as a fault" and edge.problem.fault is None):
         return False
-    is_specific = edge.is_specific and explainer.verdict >= Verdict.ABSENT
-    return is_specific or _is_as_severe(explainer, problem)
+    return _says_enough(edge, problem)
 
 
 def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
@@ -234,12 +233,17 @@ def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
     book.asked.discard(explainer)
     if reporter is None:
         return False
-    enough = _may_hold(edge, problem)
-    if reporter is not explainer:
-        enough = _is_as_severe(reporter, problem)
-    return enough and (
+    # What is specific of the explainer is not known of another that speaks for it.
+    reported = edge if reporter is explainer else Edge(edge.reason, reporter)
+    return _says_enough(reported, problem) and (
         reporter.fault is not None or book.due(reporter) <= latest(book, problem, now)
     )
+
+
+def _says_enough(edge: Edge, problem: Problem) -> bool:
+    """Whether what explains a problem says as much about it, or is at least as severe."""
+    is_specific = edge.is_specific and edge.problem.verdict >= Verdict.ABSENT
+    return is_specific or _is_as_severe(edge.problem, problem)
 
 
 def _is_as_severe(explainer: Problem, problem: Problem) -> bool:
