@@ -19,8 +19,8 @@ from typing import Any
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, as_texts
+from ros_diagnostics_exporter.fleet_texts import clock
 from ros_diagnostics_exporter.model import Person
-from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.silences import (
     AUTHOR_LENGTH,
     COMMENT_LENGTH,

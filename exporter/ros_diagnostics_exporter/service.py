@@ -68,6 +68,7 @@ class Service:
     WEEK = 60.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
+    UNREAD = 150.0  # seconds without a scrape of the faults, of which two may be a minute apart
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
 
@@ -126,6 +127,7 @@ class Service:
         )
         self.ros = describe_ros()
         self.scrapes, self.scrape_seconds = 0, 0.0
+        self._faults_read_at = now
         self.rejected_logins = RejectedLogins()
         self.week: Week | None = None
         self._self_metrics = SelfMetrics(self)
@@ -319,7 +321,8 @@ class Service:
         pieces = self.exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
         if Part.FAULTS in parts:
-            self.state.note_served(read_clocks())
+            self._faults_read_at = read_clocks()
+            self.state.note_served(self._faults_read_at)
         self.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
 
@@ -329,8 +332,11 @@ class Service:
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
-        fleet = snapshot.fleet_snapshot(self.state, read_clocks(), self._care())
-        return {**fleet, "queries": snapshot.queries(self.outcomes())}
+        now, read_at = read_clocks(), self._faults_read_at
+        fleet = snapshot.fleet_snapshot(self.state, now, self._care())
+        unread_since = read_at.wall if now.mono - read_at.mono > self.UNREAD else None
+        queries = snapshot.queries(self.outcomes())
+        return {**fleet, "unread_since": unread_since, "queries": queries}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""

@@ -8,13 +8,12 @@ configures otherwise. Fleets, robots and components are given as /api/v1/fleet r
 from __future__ import annotations
 
 import math
-import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.model import Unclaimed
+from ros_diagnostics_exporter.fleet_texts import maintenance_text, span
 from ros_diagnostics_exporter.texts import natural, unique_without_node
 
 SEVERITIES = {  # the ranks of metrics and of prometheus/rules/states.yml
@@ -341,44 +340,6 @@ def standing(
     return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
 
 
-def maintenance_text(
-    owner: dict[str, Any], now: float, *, component: str = "", local: bool = False
-) -> str:
-    """Until when a robot or one of its components is in maintenance, who planned it and why.
-
-    As "maintenance until 18:00 UTC (ann: new battery)".
-    """
-    planned = [each for each in owner.get("downtimes", ()) if each["component"] in ("", component)]
-    ends = [each["until"] for each in planned]
-    if owner["maintenance"]:
-        ends.append(math.inf if owner["maintenance_until"] is None else owner["maintenance_until"])
-    end = max(ends, default=math.inf)
-    until = "" if end == math.inf else f" until {clock(end, now, local=local, seconds=False)}"
-    who = "; ".join(f"{each['author']}: {each['comment']}" for each in planned)
-    return f"maintenance{until}{who and f' ({who})'}"
-
-
-def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) -> list[str]:
-    """A robot's maintenance and those of its components, each as a text."""
-    names = sorted({each["component"] for each in robot.get("downtimes", ())} - {""})
-    texts = [maintenance_text(robot, now, local=local)] if robot["maintenance"] else []
-    return texts + [
-        f"{name}: {maintenance_text(robot, now, component=name, local=local)}" for name in names
-    ]
-
-
-def ahead_texts(robot: dict[str, Any], now: float) -> list[str]:
-    """The downtimes that lie ahead of a robot and of its components, each as a text."""
-    texts = []
-    for each in robot["downtimes_ahead"]:
-        begin, end = (
-            clock(each[key], now, local=False, seconds=False) for key in ("from", "until")
-        )
-        of = f"{each['component']}: " if each["component"] else ""
-        texts.append(f"{of}downtime from {begin} until {end} ({each['author']}: {each['comment']})")
-    return texts
-
-
 def notice(problem: dict[str, Any], now: float) -> str:
     """Who takes care of a problem, which receivers were notified of it, and when the last of them.
 
@@ -468,32 +429,3 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
                 unit = f" {value['unit']}" if value["unit"] else ""
                 return f"{value['number']:g}{unit}, {each['bound']} threshold {each['value']:g}"
     return ""
-
-
-def query_text(query: Mapping[str, Any]) -> str:
-    """How the running exporter's query is answered; why it is not, in Prometheus' words."""
-    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
-    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
-    return f"{query['name']}: {how}"
-
-
-def unclaimed_texts(fleet: Mapping[str, Any]) -> list[str]:
-    """The topics of /api/v1/fleet that no entry of fleet.yml matches, with the entry to paste."""
-    return [f"{Unclaimed(**each)}" for each in fleet.get("unclaimed", ())]
-
-
-def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:
-    """A Unix time as "18:00:05 UTC", with the date where that is another than today's."""
-    convert = time.localtime if local else time.gmtime
-    then, today = convert(unix), convert(now)
-    date = "" if then[:3] == today[:3] else "%Y-%m-%d "
-    return time.strftime(f"{date}%H:%M{':%S' if seconds else ''}{'' if local else ' UTC'}", then)
-
-
-def span(seconds: float) -> str:
-    """A duration in the largest unit that fits, as "3 min"."""
-    whole = max(0, int(seconds))
-    for size, unit in ((86_400, "d"), (3_600, "h"), (60, "min")):
-        if whole >= size:
-            return f"{whole // size} {unit}"
-    return f"{whole} s"

@@ -19,6 +19,7 @@ from itertools import islice
 from typing import Any, NamedTuple, NoReturn
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.fleet_texts import maintenance_text, span
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
@@ -26,10 +27,8 @@ from ros_diagnostics_exporter.severity import (
     as_planned,
     component_path,
     is_bad,
-    maintenance_text,
     shown_problems,
     silent_text,
-    span,
 )
 from ros_diagnostics_exporter.texts import first_few, one_line
 from ros_diagnostics_tools.connection_flags import add_arguments, make_client

@@ -13,13 +13,8 @@ from ros_diagnostics_exporter.api.occurrences import (
     occurrences,
     spells,
 )
-from ros_diagnostics_exporter.severity import (
-    STATE_OF_LEVEL,
-    clock,
-    component_path,
-    span,
-    subject,
-)
+from ros_diagnostics_exporter.fleet_texts import clock, span
+from ros_diagnostics_exporter.severity import STATE_OF_LEVEL, component_path, subject
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.aborted import aborted_texts
 

@@ -29,7 +29,8 @@ TREES = {
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "extras", "files", "regex", "texts", "weekly", "zstd"),
-        ("events", "http_client", "logs", "loops", "rejected_logins", "severity"),
+        ("events", "fleet_texts", "http_client", "logs", "loops", "rejected_logins"),
+        ("severity",),
         ("event_texts", "mission_numbers", "silences"),
         ("config",),
         ("decode",),
@@ -103,7 +104,7 @@ TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
     *("web", "model", "durations", "event_texts", "events", "files", "loops", "severity", "texts"),
-    *("mission_numbers", "rejected_logins"),
+    *("fleet_texts", "mission_numbers", "rejected_logins"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {

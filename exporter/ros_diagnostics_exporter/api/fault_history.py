@@ -9,13 +9,9 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.event_texts import event_text
+from ros_diagnostics_exporter.fleet_texts import downtime_texts
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.severity import (
-    downtime_texts,
-    notice,
-    standing,
-    subject,
-)
+from ros_diagnostics_exporter.severity import notice, standing, subject
 from ros_diagnostics_exporter.texts import one_line
 
 BEFORE = 3_600.0  # seconds that are looked at where there was no fault

@@ -22,10 +22,10 @@ from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
+from ros_diagnostics_exporter.fleet_texts import query_text
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.severity import query_text
 from ros_diagnostics_exporter.sources.dds import check_ros
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.sources.ros_environment import RosMissingError, split_arguments

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.fleet_texts import clock, span
 from ros_diagnostics_exporter.mission_numbers import Work, number_texts, success_text, work_of
-from ros_diagnostics_exporter.severity import clock, span
 
 MOST_MOMENTS = 5  # aborted goals and interventions that are shown, the newest ones
 

@@ -15,29 +15,32 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.event_texts import event_text, notified_text
+from ros_diagnostics_exporter.fleet_texts import (
+    ahead_texts,
+    clock,
+    downtime_texts,
+    query_text,
+    span,
+    unclaimed_texts,
+    unread_text,
+)
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     OF_CAPABILITY_STATE,
     SEVERITIES,
     ShownProblem,
-    ahead_texts,
     as_planned,
-    clock,
     component_path,
     component_text,
-    downtime_texts,
     is_robot,
     part_path,
     problem_state,
-    query_text,
     shown_as_they_are,
     shown_problems,
     silent_text,
-    span,
     state_of,
     subject,
-    unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
 from ros_diagnostics_exporter.web.grafana import Grafana
@@ -84,6 +87,7 @@ def landing(
         "fleet.html",
         title=f"{fleet['fleet']}: ROS diagnostics",
         now=now,
+        unread=unread_text(fleet),
         dashboard=grafana.of(fleet["fleet"]),
         query=query,
         acts=acts,
@@ -136,6 +140,7 @@ def robot_page(
         "robot.html",
         title=f"{name}: ROS diagnostics",
         now=now,
+        unread=unread_text(fleet),
         dashboard=grafana.of(fleet["fleet"], name),
         fleet=fleet["fleet"],
         name=name,
@@ -211,6 +216,7 @@ def fault_page(
             "fault.html",
             title=f"{robot or fleet['fleet']}: {found.subject}",
             now=now,
+            unread=unread_text(fleet),
             dashboard=grafana.of(fleet["fleet"], robot, its[0]),
             fleet=fleet["fleet"],
             robot=robot,
@@ -231,6 +237,7 @@ def fault_page(
         "ended_fault.html",
         title=f"{robot or fleet['fleet']}: {subject_of}",
         now=now,
+        unread=unread_text(fleet),
         dashboard=grafana.of(fleet["fleet"], robot, ended[0].fault),
         fleet=fleet["fleet"],
         robot=robot,

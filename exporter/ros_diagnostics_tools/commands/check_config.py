@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
-from ros_diagnostics_exporter.severity import query_text
+from ros_diagnostics_exporter.fleet_texts import query_text
 from ros_diagnostics_tools.capability_notes import capability_notes
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output

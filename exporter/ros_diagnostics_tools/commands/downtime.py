@@ -18,9 +18,9 @@ from urllib.parse import quote, urlencode
 
 import click
 
+from ros_diagnostics_exporter.fleet_texts import clock
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime
-from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.silences import (
     COMMENT_LENGTH,
     ESCALATION,

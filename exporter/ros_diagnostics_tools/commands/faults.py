@@ -8,8 +8,9 @@ from typing import Any
 import click
 from rich.console import Console
 
+from ros_diagnostics_exporter.fleet_texts import clock, span
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.severity import clock, problem_state, span, subject
+from ros_diagnostics_exporter.severity import problem_state, subject
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_table, print_json, with_output
 

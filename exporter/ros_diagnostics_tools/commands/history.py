@@ -13,7 +13,7 @@ from rich.console import Console
 
 from ros_diagnostics_exporter.api.occurrences import WEEK
 from ros_diagnostics_exporter.event_texts import event_text
-from ros_diagnostics_exporter.severity import clock, span
+from ros_diagnostics_exporter.fleet_texts import clock, span
 from ros_diagnostics_exporter.texts import one_line, printable
 from ros_diagnostics_tools.names import no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers

@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.text import Text
 
 from ros_diagnostics_exporter.events import MOMENTS
+from ros_diagnostics_exporter.fleet_texts import span
 from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts, work_of
-from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL, span
+from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.aborted import aborted_texts
 from ros_diagnostics_tools.servers import Servers, with_servers

@@ -15,20 +15,23 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ros_diagnostics_exporter.fleet_texts import (
+    clock,
+    downtime_texts,
+    span,
+    unclaimed_texts,
+    unread_text,
+)
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     SEVERITIES,
     ShownProblem,
-    clock,
     component_path,
-    downtime_texts,
     is_robot,
     short_names,
     shown_problems,
-    span,
     state_of,
-    unclaimed_texts,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -138,9 +141,11 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
         fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
     table = _components(robots, fleet["time"]) if components else _robots(fleet, robots)
-    unclaimed = [f"no entry of fleet.yml matches {each}" for each in unclaimed_texts(fleet)]
+    below = [f"no entry of fleet.yml matches {each}" for each in unclaimed_texts(fleet)]
+    if unread := unread_text(fleet, local=True):
+        below.insert(0, unread)
     summary = _summary(fleet, robots)
-    return Group(table, summary, _plain(*unclaimed)) if unclaimed else Group(table, summary)
+    return Group(table, summary, _plain(*below)) if below else Group(table, summary)
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:

@@ -10,8 +10,8 @@ import click
 from rich.table import Table
 from rich.text import Text
 
+from ros_diagnostics_exporter.fleet_texts import clock
 from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
-from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.names import meant, no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers

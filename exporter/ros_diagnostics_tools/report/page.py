@@ -8,8 +8,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from ros_diagnostics_exporter.fleet_texts import span
 from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts
-from ros_diagnostics_exporter.severity import span
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.report.missions import work_of
 

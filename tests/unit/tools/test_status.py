@@ -164,6 +164,15 @@ def test_a_fleet_that_is_well_has_no_empty_columns(serve, capsys, monkeypatch):
     assert len(lines) == 4
 
 
+def test_it_says_since_when_no_prometheus_reads_the_faults(serve, capsys, monkeypatch):
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    server = serve(fleet_snapshot=lambda: {**FLEET, "unread_since": 900.0})
+    assert main(["status", "--url", f"http://{server.addresses[0]}"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Prometheus has not read the faults since 00:15:00: nobody is notified" in text
+
+
 def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys, monkeypatch):
     monkeypatch.setattr(api, "PAGE_BYTES", 400)  # so that it takes several pages
     log, now = EventLog(), time.time()

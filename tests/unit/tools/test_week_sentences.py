@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.occurrences import WEEK
-from ros_diagnostics_exporter.severity import span
+from ros_diagnostics_exporter.fleet_texts import span
 from ros_diagnostics_tools import week_sentences
 from ros_diagnostics_tools.main import main
 from support.web_server import downtime, fleet, problem, robot
