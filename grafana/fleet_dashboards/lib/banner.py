@@ -139,7 +139,10 @@ _BROKEN = (
     ),
 )
 WORKS = "The monitoring works"
-DEAD = "Prometheus does not answer: nothing on this page is known, and nobody is notified"
+DEAD = (
+    "Prometheus does not answer: nothing on this page is known, and nobody is notified; "
+    "the exporter's own page says since when"
+)
 
 
 def _trouble() -> str:
