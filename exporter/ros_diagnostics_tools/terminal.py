@@ -5,7 +5,7 @@ from __future__ import annotations
 import getpass
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from typing import Any
 
 import click
@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
 
+from ros_diagnostics_exporter.severity import COLOURS
 from ros_diagnostics_exporter.texts import one_line
 
 
@@ -21,15 +22,29 @@ def make_console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 200)
 
 
-def make_table(*titles: str) -> Table:
-    """A table that wraps long texts instead of cutting them off."""
-    columns = (Column(title, overflow="fold") for title in titles)
+def make_table(*titles: str, right: Container[str] = ()) -> Table:
+    """A table that wraps long texts instead of cutting them off; some columns are at the right."""
+    columns = (
+        Column(title, overflow="fold", justify="right" if title in right else "left")
+        for title in titles
+    )
     return Table(*columns, box=None, pad_edge=False)
 
 
+def plain(*lines: str) -> Text:
+    """What robots publish, each in one line, without markup and terminal control characters."""
+    return Text("\n".join(map(one_line, lines)))
+
+
+def chip(state: str, words: str = "") -> Text:
+    """A state in its colour, in other words where there are some."""
+    colour, text = COLOURS[state]
+    return Text(f" {words or state} ", style=f"bold {text} on {colour}")
+
+
 def cells(texts: Iterable[str | None]) -> tuple[Text, ...]:
-    """A row of a table, each text in one line; as Text: what robots publish is no markup."""
-    return tuple(Text(one_line(text or "")) for text in texts)
+    """A row of a table, each text in one line."""
+    return tuple(plain(text or "") for text in texts)
 
 
 def with_output(*more: str) -> Callable[..., Any]:

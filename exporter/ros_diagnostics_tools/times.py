@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from datetime import datetime, timedelta
 
-import click
-
 from ros_diagnostics_exporter import durations
+from ros_diagnostics_tools.flag_types import Written
 
 LONGEST = 3650 * 86_400.0  # seconds
 _TIME_OF_DAY = re.compile(r"\d\d:\d\d(:\d\d)?")
 
 
-class Duration(click.ParamType[float]):
+class Duration(Written[float]):
     """A duration as Prometheus writes it; its value in seconds."""
 
     name = "duration"
 
-    def convert(
-        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
+    def read(self, text: str) -> float:
         """The seconds."""
-        if not isinstance(value, str):
-            return value
-        try:
-            seconds = durations.parse(value)
-        except ValueError:
-            seconds = 0.0
-        if not 0 < seconds <= LONGEST:
-            self.fail(f"{value!r} is not a duration such as 90s, 10m or 1h30m", param, ctx)
-        return seconds
+        with contextlib.suppress(ValueError):
+            if 0 < (seconds := durations.parse(text)) <= LONGEST:
+                return seconds
+        raise ValueError(f"{text!r} is not a duration such as 90s, 10m or 1h30m")
 
 
-class Moment(click.ParamType[datetime]):
+class Moment(Written[datetime]):
     """A time; without a zone it is this machine's.
 
     Args:
@@ -46,19 +39,12 @@ class Moment(click.ParamType[datetime]):
     def __init__(self, *, ahead: bool = False) -> None:
         self._ahead = ahead
 
-    def convert(
-        self, value: str | datetime, param: click.Parameter | None, ctx: click.Context | None
-    ) -> datetime:
+    def read(self, text: str) -> datetime:
         """The time, with its zone."""
-        if isinstance(value, datetime):
-            return value
         now = datetime.now().astimezone()
-        try:
-            found = moment(value, now, ahead=self._ahead)
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
+        found = moment(text, now, ahead=self._ahead)
         if self._ahead and found < now:
-            self.fail(f"{value!r} has passed", param, ctx)
+            raise ValueError(f"{text!r} has passed")
         return found
 
 

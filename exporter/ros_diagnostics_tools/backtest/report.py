@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Column, Table
+from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter.texts import natural, one_line
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import IDENTITY, Notification, Outage
 from ros_diagnostics_tools.backtest.replay import Result
+from ros_diagnostics_tools.terminal import make_table, plain
 
 SHOWN = 50  # notifications in the table
 _STYLES = {"critical": "bold red", "warning": "bold yellow"}
@@ -75,16 +75,8 @@ def tables(result: Result, seconds: float) -> Group:
     return Group(*shown, Text(summary(result, seconds)))
 
 
-def _table(*titles: str, right: Iterable[str] = ()) -> Table:
-    columns = (
-        Column(title, overflow="fold", justify="right" if title in right else "left")
-        for title in titles
-    )
-    return Table(*columns, box=None, pad_edge=False)
-
-
 def _notifications(result: Result) -> Table:
-    table = _table("Began", "Notified", "Lasted", "Robot", "What", "State", right={"Notified"})
+    table = make_table("Began", "Notified", "Lasted", "Robot", "What", "State", right={"Notified"})
     for each in result.notifications[:SHOWN]:
         fault = each.began
         lasted = words.duration(each.duration(result.end))
@@ -92,8 +84,8 @@ def _notifications(result: Result) -> Table:
             words.moment(each.since),
             f"+{words.duration(fault.time - each.since)}",
             f"{lasted}, lasts" if each.ended is None else lasted,
-            _plain(fault.robot),
-            _plain(words.place(fault)),
+            plain(fault.robot),
+            plain(words.place(fault)),
             Text(words.state(fault), style=_STYLES[fault.severity]),
         )
     if len(result.notifications) > SHOWN:
@@ -103,11 +95,11 @@ def _notifications(result: Result) -> Table:
 
 def _parts(result: Result) -> Table:
     numbers = ("Faults", "Flapping", "Short", "Longest", "Suppressed", "In trouble")
-    table = _table("Robot", "Component", *numbers, right=numbers)
+    table = make_table("Robot", "Component", *numbers, right=numbers)
     for each in parts(result):
         table.add_row(
-            _plain(each.robot),
-            _plain(f"{each.group} {each.component}".strip() if each.component else "(robot)"),
+            plain(each.robot),
+            plain(f"{each.group} {each.component}".strip() if each.component else "(robot)"),
             str(each.notified),
             str(each.flapping),
             str(each.short),
@@ -131,11 +123,6 @@ def summary(result: Result, seconds: float) -> str:
         f"{words.count(len(result.notifications), 'notification')}, {lasting} of them last, "
         f"{words.count(short, 'outage')} too short to notify"
     )
-
-
-def _plain(text: str) -> Text:
-    """Text of a robot without markup and terminal control characters."""
-    return Text(one_line(text))
 
 
 # -- for programs ------------------------------------------------------------------------------

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, closing, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,6 +32,7 @@ from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.flag_types import Checked
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
 
@@ -78,12 +79,10 @@ class NothingJudgedError(Exception):
     """No topic of the recordings belongs to a robot of the configuration."""
 
 
-def _namespace(_ctx: click.Context, _param: click.Parameter, text: str | None) -> str | None:
-    name = (text or "").strip("/")
-    if text is None:
-        return None
+def _namespace(text: str) -> str:
+    name = text.strip("/")
     if not re.fullmatch(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*", name):
-        raise click.BadParameter(f"{text!r} is not a ROS namespace such as robot_1")
+        raise ValueError(f"{text!r} is not a ROS namespace such as robot_1")
     return f"/{name}"
 
 
@@ -135,7 +134,7 @@ Into the history of Prometheus:
 )
 @click.option(
     "--namespace",
-    callback=_namespace,
+    type=Checked(_namespace),
     metavar="NAME",
     help="Put the recorded topics below this namespace, for recordings made on the robot.",
 )
@@ -322,22 +321,13 @@ def _warnings(result: Result, recordings: Recordings) -> list[str]:
     return warnings
 
 
-class _progress:  # noqa: N801 - used as a function
+@contextmanager
+def _progress(count: int) -> Iterator[Callable[[int], None]]:
     """A progress bar on standard error; what it gives is called with the number of messages."""
-
-    def __init__(self, count: int) -> None:
-        columns = (TextColumn("judging"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task = self._bar.add_task("judging", total=count)
-
-    def __enter__(self) -> Callable[[int], None]:
-        """Show it, on a terminal."""
-        self._bar.start()
-        return lambda number: self._bar.update(self._task, completed=number)
-
-    def __exit__(self, *_error: object) -> None:
-        """Remove it."""
-        self._bar.stop()
+    columns = (TextColumn("judging"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("judging", total=count)
+        yield lambda number: bar.update(task, completed=number)
 
 
 # -- output ------------------------------------------------------------------------------------

@@ -11,11 +11,19 @@ from rich.console import Console
 from rich.text import Text
 
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.severity import COLOURS, OF_CAPABILITY_STATE, part_path
+from ros_diagnostics_exporter.severity import OF_CAPABILITY_STATE, part_path
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.capability_losses import Known, Loss, find_losses
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
+from ros_diagnostics_tools.terminal import (
+    cells,
+    chip,
+    make_console,
+    make_table,
+    plain,
+    print_json,
+    with_output,
+)
 
 _INDENT = "  "
 
@@ -59,7 +67,7 @@ def _print(answer: dict[str, Any], losses: list[Loss]) -> None:
     for name, each in by_name.items():
         if name not in needed:
             for state, depth, text in _lines(each, by_name, 0):
-                table.add_row(_chip(state), Text(_INDENT * depth + one_line(text)))
+                table.add_row(_chip(state), plain(_INDENT * depth + text))
     console.print(table)
     _print_losses(console, "If one more part fails", [each for each in losses if each.now])
     single = [each for each in losses if each.single]
@@ -71,8 +79,7 @@ def _chip(state: str) -> Text:
     if not state:
         return Text("")
     like, words = OF_CAPABILITY_STATE[state]
-    colour, on_it = COLOURS[like]
-    return Text(f" {words.upper() or like} ", style=f"bold {on_it} on {colour}")
+    return chip(like, words.upper())
 
 
 def _print_losses(

@@ -34,8 +34,8 @@ from ros_diagnostics_exporter.silences import (
 )
 from ros_diagnostics_exporter.texts import escape, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.flag_types import NamedPair
 from ros_diagnostics_tools.names import hint, meant, no_robot
-from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,

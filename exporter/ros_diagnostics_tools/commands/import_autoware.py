@@ -13,25 +13,19 @@ from pathlib import Path
 
 import click
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import name
 from ros_diagnostics_exporter.texts import printable
 from ros_diagnostics_tools.autoware.convert import Imported, convert
 from ros_diagnostics_tools.autoware.graph import GraphError, read
 from ros_diagnostics_tools.errors import NO, NotDoneError, UnusableError
+from ros_diagnostics_tools.flag_types import Checked
 from ros_diagnostics_tools.terminal import print_json, with_output
 
+NAME = Checked(name)
 HEADER = """\
 # Made by ros-diagnostics import autoware. Copy the profile into your fleet.yml, and give it to the
 # robots that publish these diagnostics.
 """
-
-
-def _name(_ctx: click.Context, _param: click.Parameter, text: str) -> str:
-    try:
-        return name(text)
-    except WrongValueError as error:
-        raise click.BadParameter(str(error)) from None
 
 
 def _packages(
@@ -69,9 +63,13 @@ right, or no graph.
     help="Write fleet.yml here, in place of printing it.",
 )
 @click.option("--force", is_flag=True, help="Overwrite the output file.")
-@click.option("--fleet", callback=_name, default="autoware", show_default=True, help="Its name.")
+@click.option("--fleet", type=NAME, default="autoware", show_default=True, help="Its name.")
 @click.option(
-    "--profile", callback=_name, default="autoware", show_default=True, help="The profile's name."
+    "--profile",
+    type=Checked(name),
+    default="autoware",
+    show_default=True,
+    help="The profile's name.",
 )
 @click.option(
     "--unit",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import signal
 import threading
 from importlib import import_module
@@ -13,29 +12,10 @@ from typing import Any
 import click
 
 from ros_diagnostics_exporter.extras import install_command
-from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.flag_types import Address, Size
 from ros_diagnostics_tools.mail_relay import Relay, Smarthost, from_exporter
 from ros_diagnostics_tools.servers import Servers, with_servers
-
-_UNITS = {"kB": 1_000, "MB": 1_000_000}
-
-
-class Size(click.ParamType[int]):
-    """A size as 100kB; its value in bytes."""
-
-    name = "size"
-
-    def convert(
-        self, value: str | int, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int:
-        """The bytes."""
-        if not isinstance(value, str):
-            return value
-        found = re.fullmatch(r"([0-9]{1,6}) ?(kB|MB)", value)
-        if found is None:
-            self.fail(f"{value!r} is not a size such as 100kB or 2MB", param, ctx)
-        return int(found[1]) * _UNITS[found[2]]
 
 
 @click.command(

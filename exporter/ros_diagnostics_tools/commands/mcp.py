@@ -7,8 +7,8 @@ import sys
 import click
 
 from ros_diagnostics_exporter.extras import install_command
-from ros_diagnostics_tools.address import Address
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.flag_types import Address
 from ros_diagnostics_tools.servers import Servers, with_servers
 
 _LOGINS = {"user", "password_file", "cert_file", "key_file"}

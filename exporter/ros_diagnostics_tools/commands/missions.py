@@ -13,11 +13,18 @@ from rich.text import Text
 from ros_diagnostics_exporter.events import MOMENTS
 from ros_diagnostics_exporter.fleet_texts import span
 from ros_diagnostics_exporter.mission_numbers import NUMBERS, number_texts, work_of
-from ros_diagnostics_exporter.severity import COLOURS, STATE_OF_LEVEL
-from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
 from ros_diagnostics_tools.aborted import aborted_texts
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
+from ros_diagnostics_tools.terminal import (
+    cells,
+    chip,
+    make_console,
+    make_table,
+    plain,
+    print_json,
+    with_output,
+)
 
 SINCE, WHEN = "7d", "in the last 7 days"  # of the events that are looked at
 
@@ -55,9 +62,8 @@ def _print(robots: list[dict[str, Any]], events: list[dict[str, Any]]) -> None:
             table.add_row(*_row(each["robot"], action))
     console.print(table)
     _print_numbers(console, robots)
-    texts = (text for _action, text in aborted_texts(events, WHEN))
-    for line in texts:
-        console.print(Text(one_line(line)))
+    for _action, text in aborted_texts(events, WHEN):
+        console.print(plain(text))
 
 
 def _row(robot: str, action: dict[str, Any]) -> tuple[Text, ...]:
@@ -69,15 +75,8 @@ def _row(robot: str, action: dict[str, Any]) -> tuple[Text, ...]:
     counts = (share, str(results["aborted"]), str(results["unknown"]), running)
     message = action.get("message", "")
     before, after = cells((robot, action["action"])), cells((*counts, message))
-    return (*before, _chip(action.get("level")), *after)
-
-
-def _chip(level: str | None) -> Text:
-    if level is None:
-        return Text("")
-    state = STATE_OF_LEVEL[level]
-    colour, on_it = COLOURS[state]
-    return Text(f" {state} ", style=f"bold {on_it} on {colour}")
+    level = action.get("level")
+    return (*before, chip(STATE_OF_LEVEL[level]) if level else Text(), *after)
 
 
 def _print_numbers(console: Console, robots: Iterable[dict[str, Any]]) -> None:

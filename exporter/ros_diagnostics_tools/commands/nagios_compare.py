@@ -14,19 +14,24 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import durations
-from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.errors import NO, UnusableError
+from ros_diagnostics_tools.flag_types import NamedPair
 from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
 from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
 from ros_diagnostics_tools.nagios.comparison.notice import Notice
-from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
+from ros_diagnostics_tools.terminal import (
+    cells,
+    make_console,
+    make_table,
+    plain,
+    print_json,
+    with_output,
+)
 from ros_diagnostics_tools.times import Duration, Moment
 
 
@@ -215,7 +220,7 @@ def _fields(notice: Notice) -> dict[str, Any]:
 
 def _print(differences: Differences, since: float, until: float, notes: dict[str, str]) -> None:
     console = make_console()
-    table = Table("Time", "Robot", "Service", "State", "Difference", box=None, pad_edge=False)
+    table = make_table("Time", "Robot", "Service", "State", "Difference")
     rows = [(each, f"only in Nagios: {each.detail:.80}") for each in differences.only_in_nagios]
     rows += [(each, f"only here: {each.detail:.80}") for each in differences.only_here]
     rows += [(each.nagios, _later(each.later)) for each in differences.late]
@@ -225,7 +230,7 @@ def _print(differences: Differences, since: float, until: float, notes: dict[str
     if rows:
         console.print(table)
     for what, note in notes.items():
-        console.print(Text(one_line(f"{what}: {note}")))
+        console.print(plain(f"{what}: {note}"))
     console.print(
         Text(
             f"{_clock(since)} to {_clock(until)}: {len(differences.pairs)} the same, "

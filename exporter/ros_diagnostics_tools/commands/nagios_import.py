@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import name, time_zone
 from ros_diagnostics_tools.errors import NO, NotDoneError
+from ros_diagnostics_tools.flag_types import Checked
 from ros_diagnostics_tools.nagios.importer.convert import (
     REPORT,
     TITLES,
@@ -25,21 +24,6 @@ from ros_diagnostics_tools.nagios.importer.convert import (
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
 from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.terminal import print_json, with_output
-
-
-def _fleet(_ctx: click.Context, _param: click.Parameter, text: str) -> str:
-    return _checked(name, text)
-
-
-def _time_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) -> str | None:
-    return None if text is None else _checked(time_zone, text)
-
-
-def _checked(check: Any, text: str) -> str:
-    try:
-        return str(check(text))
-    except WrongValueError as error:
-        raise click.BadParameter(str(error)) from None
 
 
 @click.command(
@@ -70,7 +54,7 @@ Example:
 )
 @click.option("--force", is_flag=True, help="Overwrite the files that are there.")
 @click.option(
-    "--fleet", callback=_fleet, default="nagios", show_default=True, help="The fleet's name."
+    "--fleet", type=Checked(name), default="nagios", show_default=True, help="The fleet's name."
 )
 @click.option(
     "--plugin",
@@ -80,7 +64,7 @@ Example:
 )
 @click.option(
     "--time-zone",
-    callback=_time_zone,
+    type=Checked(time_zone),
     metavar="ZONE",
     help="The time zone of Nagios' host, for its timeperiods.  [default: use_timezone of "
     "nagios.cfg, else UTC]",

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.events import MOMENTS
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_tools.address import Address
+from ros_diagnostics_tools.flag_types import Address
 from ros_diagnostics_tools.report.availability import DAY, Recorded
 from ros_diagnostics_tools.report.numbers import DAYS, numbers
 from ros_diagnostics_tools.report.page import page, subject_line, text

@@ -24,7 +24,6 @@ from ros_diagnostics_exporter.fleet_texts import (
 )
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import (
-    COLOURS,
     SEVERITIES,
     ShownProblem,
     component_path,
@@ -33,33 +32,27 @@ from ros_diagnostics_exporter.severity import (
     shown_problems,
     state_of,
 )
-from ros_diagnostics_exporter.texts import natural, one_line, printable
+from ros_diagnostics_exporter.texts import natural, printable
+from ros_diagnostics_tools.flag_types import Written
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import make_table, print_json, with_output
+from ros_diagnostics_tools.terminal import chip, make_table, plain, print_json, with_output
 from ros_diagnostics_tools.times import Duration
 
 COLUMNS = ("State", "Robot", "What", "Confirmed", "Since", "Message")
 PROBLEMS_SHOWN = 5  # of one robot, in the table of robots
 
 
-class States(click.ParamType[frozenset[str]]):
+class States(Written[frozenset[str]]):
     """Some of the states, separated by commas."""
 
     name = "state"
 
-    def convert(
-        self,
-        value: str | frozenset[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> frozenset[str]:
+    def read(self, text: str) -> frozenset[str]:
         """The states, in capitals."""
-        if not isinstance(value, str):
-            return value
-        states = frozenset(value.upper().split(","))
+        states = frozenset(text.upper().split(","))
         if unknown := states - SEVERITIES.keys():
             found = ", ".join(sorted(unknown))
-            self.fail(f"{found}: not one of {', '.join(SEVERITIES)}", param, ctx)
+            raise ValueError(f"{found}: not one of {', '.join(SEVERITIES)}")
         return states
 
 
@@ -145,7 +138,7 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
     if unread := unread_text(fleet, local=True):
         below.insert(0, unread)
     summary = _summary(fleet, robots)
-    return Group(table, summary, _plain(*below)) if below else Group(table, summary)
+    return Group(table, summary, plain(*below)) if below else Group(table, summary)
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
@@ -157,16 +150,16 @@ def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
         rows += [_problem(robot["robot"], each, now) for each in problems]
         if number > len(problems):
             more = f"and {number - len(problems)} more"
-            rows.append((Text(), *map(_plain, (robot["robot"], more, "", "", ""))))
+            rows.append((Text(), *map(plain, (robot["robot"], more, "", "", ""))))
         if not problems:
             texts = (robot["robot"], "", "", "", _received(robot, now))
-            rows.append((_coloured(state_of(robot)), *map(_plain, texts)))
+            rows.append((chip(state_of(robot)), *map(plain, texts)))
     return _table(COLUMNS, rows)
 
 
 def _problem(robot: str, shown: ShownProblem, now: float) -> tuple[Text, ...]:
     texts = (robot, shown.subject, shown.standing, _since(shown, now), shown.message)
-    return (_coloured(shown.state), *map(_plain, texts))
+    return (chip(shown.state), *map(plain, texts))
 
 
 def _table(titles: Sequence[str], rows: list[tuple[Text, ...]]) -> Table:
@@ -207,26 +200,16 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
             problem = worst.get((each["group"], each["component"]))
             rows.append(
                 (
-                    _coloured(each["state"] if problem is None else problem.state),
-                    _plain(robot["robot"]),
-                    _plain(short[component_path(each)]),
-                    _plain("" if problem is None else problem.standing),
-                    _plain("" if problem is None else _since(problem, now)),
-                    _plain(each["message"] if problem is None else problem.message),
-                    _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
+                    chip(each["state"] if problem is None else problem.state),
+                    plain(robot["robot"]),
+                    plain(short[component_path(each)]),
+                    plain("" if problem is None else problem.standing),
+                    plain("" if problem is None else _since(problem, now)),
+                    plain(each["message"] if problem is None else problem.message),
+                    plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
                 )
             )
     return _table(titles, rows)
-
-
-def _plain(*lines: str) -> Text:
-    """Text of a robot without markup and terminal control characters."""
-    return Text("\n".join(map(one_line, lines)))
-
-
-def _coloured(state: str) -> Text:
-    colour, text = COLOURS[state]
-    return Text(f" {state} ", style=f"bold {text} on {colour}")
 
 
 def _summary(fleet: dict[str, Any], robots: Sequence[dict[str, Any]]) -> Text:
@@ -235,4 +218,4 @@ def _summary(fleet: dict[str, Any], robots: Sequence[dict[str, Any]]) -> Text:
     if len(robots) == 1:
         found = f"{robots[0]['robot']} is {found.removeprefix('1 ')}"
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
-    return _plain("", f"fleet {fleet['fleet']} at {moment}: {found or 'no robot matches'}")
+    return plain("", f"fleet {fleet['fleet']} at {moment}: {found or 'no robot matches'}")

@@ -7,15 +7,20 @@ from typing import Any
 from urllib.parse import urlencode
 
 import click
-from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter.fleet_texts import clock
 from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
-from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.names import meant, no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
-from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
+from ros_diagnostics_tools.terminal import (
+    cells,
+    make_console,
+    make_table,
+    plain,
+    print_json,
+    with_output,
+)
 from ros_diagnostics_tools.times import Moment
 
 
@@ -60,11 +65,11 @@ def command(
 
 def _print(answer: dict[str, Any]) -> None:
     console = make_console()
-    table = Table("Time", "What happened", box=None, pad_edge=False)
+    table = make_table("Time", "What happened")
     for each in answer["entries"]:
         moment = clock(each["time"], answer["time"], local=True)
         table.add_row(*cells((moment, each["text"])))
     console.print(table if answer["entries"] else Text("No fault and no event at that time."))
     console.print(Text(f"\nNow, {clock(answer['time'], answer['time'], local=True)}:"))
     for sentence in answer["now"]:
-        console.print(Text(f"  {one_line(sentence)}"))
+        console.print(plain(f"  {sentence}"))

@@ -17,11 +17,9 @@ from aiosmtpd.smtp import AuthResult
 
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_tools import mail_server
-from ros_diagnostics_tools.address import Address
-from ros_diagnostics_tools.commands.mail_relay import Size
+from ros_diagnostics_tools.flag_types import Address, Size
 from ros_diagnostics_tools.mail_relay import FAULTS, Relay, Smarthost, attached, from_exporter
 from ros_diagnostics_tools.mail_server import Server
-from ros_diagnostics_tools.main import main
 from testbed.polling import until
 
 FIRST, SECOND = "0123456789ab", "ba9876543210"
@@ -77,14 +75,19 @@ class MailServer:
 
 
 @contextmanager
-def listening(handler, port: int, **more):
-    """A client of ``handler`` at this port."""
-    controller = Controller(handler, hostname="127.0.0.1", port=port, ready_timeout=60, **more)
+def running(controller):
+    """A client of what listens."""
     controller.start()
     try:
-        yield lambda: smtplib.SMTP("127.0.0.1", port, timeout=60)
+        yield lambda: smtplib.SMTP("127.0.0.1", controller.port, timeout=60)
     finally:
         controller.stop(no_assert=True)
+
+
+def listening(handler, port: int, **more):
+    """A client of ``handler`` at this port."""
+    address = {"hostname": "127.0.0.1", "port": port, "ready_timeout": 60}
+    return running(Controller(handler, **address, **more))
 
 
 @pytest.fixture
@@ -239,9 +242,15 @@ def test_a_mail_has_one_connection_to_the_mail_server_for_all_recipients(server,
     assert (len(server.mails), server.connections) == (1, 1)
 
 
-def test_a_mail_that_is_given_up_leaves_no_connection(free_port, server):
+@pytest.fixture
+def serving(free_port, server):
+    """A function: a client of a relay before the server, as the command starts it."""
     relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
-    with serving(relay, free_port()) as connect:
+    return lambda: running(Server(relay, "127.0.0.1", free_port()))
+
+
+def test_a_mail_that_is_given_up_leaves_no_connection(serving, server):
+    with serving() as connect:
         for _ in range(2):
             smtp = connect()
             smtp.ehlo()
@@ -251,20 +260,8 @@ def test_a_mail_that_is_given_up_leaves_no_connection(free_port, server):
         until(lambda: server.ended == 2, "the end of both connections")
 
 
-@contextmanager
-def serving(relay, port):
-    """A client of the relay as the command starts it."""
-    made = Server(relay, "127.0.0.1", port)
-    made.start()
-    try:
-        yield lambda: smtplib.SMTP("127.0.0.1", port, timeout=60)
-    finally:
-        made.stop(no_assert=True)
-
-
-def test_a_mail_of_more_than_two_megabytes_is_rejected(free_port, server):
-    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
-    with serving(relay, free_port()) as connect, connect() as smtp:
+def test_a_mail_of_more_than_two_megabytes_is_rejected(serving, server):
+    with serving() as connect, connect() as smtp:
         for size, code in ((1_900_000, 250), (2_100_000, 552)):
             smtp.ehlo()
             smtp.mail("robots@example.org")
@@ -277,9 +274,8 @@ def test_a_mail_of_more_than_two_megabytes_is_rejected(free_port, server):
     assert len(server.mails) == 1
 
 
-def test_idle_connections_lock_nobody_out(free_port, server):
-    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
-    with serving(relay, free_port()) as connect, ExitStack() as stack:
+def test_idle_connections_lock_nobody_out(serving, server):
+    with serving() as connect, ExitStack() as stack:
         idle = [stack.enter_context(closing(connect())) for _ in range(mail_server.CONNECTIONS + 9)]
         with connect() as smtp:
             smtp.sendmail("robots@example.org", ["ann@example.org"], mail())
@@ -290,17 +286,15 @@ def test_idle_connections_lock_nobody_out(free_port, server):
 
 
 @pytest.mark.parametrize("limit", ["IDLE", "LIFETIME"])
-def test_a_connection_ends_in_time(free_port, server, monkeypatch, limit):
+def test_a_connection_ends_in_time(serving, monkeypatch, limit):
     monkeypatch.setattr(mail_server, limit, 0.5)
-    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
-    with serving(relay, free_port()) as connect, closing(connect()) as smtp:
+    with serving() as connect, closing(connect()) as smtp:
         assert smtp.sock.recv(100) == b""
 
 
-def test_what_clients_write_is_not_logged(free_port, server, caplog):
+def test_what_clients_write_is_not_logged(serving, caplog):
     caplog.set_level(logging.INFO)
-    relay = Relay(Smarthost("127.0.0.1", server.port), RECORDINGS.get, LIMIT)
-    with serving(relay, free_port()) as connect, connect() as smtp:
+    with serving() as connect, connect() as smtp:
         smtp.sendmail("robots@example.org", ["ann@example.org"], mail())
     names = [each.name for each in caplog.records if each.name.startswith("mail.")]
     assert (names, "mail forwarded" in caplog.text) == ([], True)
@@ -333,9 +327,8 @@ LOGIN = ["--smarthost-user", "ann", "--smarthost-password-file", "password"]
         (["--smarthost-user", "ann"], "or neither"),
     ],
 )
-def test_wrong_arguments_are_named(arguments, said, capsys):
-    assert main(["mail-relay", *arguments]) == 2
-    assert said in capsys.readouterr().err
+def test_wrong_arguments_are_named(arguments, said, run):
+    assert said in run("mail-relay", *arguments, code=2).err
 
 
 def test_sizes_and_addresses_of_the_flags():
