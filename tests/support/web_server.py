@@ -308,6 +308,11 @@ class Reply:
         return self.body.decode()
 
 
+def url_of(server: Server, path: str = "") -> str:
+    """The URL of the server, or of one of its pages."""
+    return f"http://{server.addresses[0]}{path}"
+
+
 def ask(
     server: Server,
     path: str,

@@ -11,9 +11,9 @@ ORDER = ("robot_1", "--comment", "on it")
 
 
 @pytest.mark.parametrize("lasts", ["-1d", "0d", "nan", "999999d", "long"])
-def test_an_invalid_duration_is_rejected(lasts, capsys):
-    assert main(["ack", *ORDER, f"--for={lasts}"]) == 2
-    assert f"'{lasts}' is not a duration such as" in capsys.readouterr().err
+def test_an_invalid_duration_is_rejected(lasts, run):
+    said = run("ack", *ORDER, f"--for={lasts}", code=2).err
+    assert f"'{lasts}' is not a duration such as" in said
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_tools.main import main
 from support.state_driver import ERROR, OK, WARN, StateDriver
 
 FLEET = """
@@ -37,21 +36,19 @@ NAMES = ("Laser 1", "Laser 2", "Motor 1", "Motor 2", "Arm", "Speaker", "Screen")
 
 
 @pytest.fixture
-def ask(tmp_path, serve, capsys):
+def ask(tmp_path, serve, run):
     """Has the robot publish these components as broken; what the command prints of it."""
     (tmp_path / "fleet.yml").write_text(FLEET)
     driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
     server = serve(capabilities=lambda name: capability_tree(driver.state, name, driver.now))
 
-    def run(*broken: str, output: str = "table", robot: str = "r") -> str:
+    def ask(*broken: str, output: str = "table", robot: str = "r") -> str:
         statuses = [Status(ERROR if name in broken else OK, name) for name in NAMES]
         statuses.append(Status(OK, "Mode", "", "", (("mode", "drive"),)))
         driver.raw_every(1, driver.now.mono + 40, *statuses)
-        url = f"http://{server.addresses[0]}"
-        assert main(["capabilities", robot, "--output", output, "--url", url]) == 0
-        return capsys.readouterr().out
+        return run("capabilities", robot, "--output", output, at=server).out
 
-    return run
+    return ask
 
 
 def losses(text: str) -> dict[str, tuple[list[str], list[str]]]:
@@ -120,13 +117,13 @@ def test_the_tree_shows_each_state_and_the_parts_below(ask):
     ]
 
 
-def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, capsys):
+def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, run):
     (tmp_path / "fleet.yml").write_text(STRICT)
     driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
     server = serve(capabilities=lambda name: capability_tree(driver.state, name, driver.now))
     driver.raw_every(1, 40, Status(WARN, "Laser 1"), Status(OK, "Laser 2"))
-    assert main(["capabilities", "r", "--url", f"http://{server.addresses[0]}"]) == 0
-    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    shown = run("capabilities", "r", at=server).out
+    lines = [" ".join(line.split()) for line in shown.splitlines()]
     assert lines[:10] == [
         "State What",
         "LOST careful: needs this",
@@ -146,12 +143,10 @@ def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, capsys):
     ]  # it is lost already
 
 
-def test_what_is_no_exporter_of_this_version_is_named(serve, capsys):
-    url = f"http://{serve(capabilities=lambda _name: {'capabilities': [{}]}).addresses[0]}"
-    assert main(["capabilities", "r", "--url", url]) == 3
-    assert "of this version" in capsys.readouterr().err
+def test_what_is_no_exporter_of_this_version_is_named(serve, run):
+    server = serve(capabilities=lambda _name: {"capabilities": [{}]})
+    assert "of this version" in run("capabilities", "r", at=server, code=3).err
 
 
-def test_without_capabilities_it_says_so(serve, capsys):
-    assert main(["capabilities", "r", "--url", f"http://{serve().addresses[0]}"]) == 0
-    assert "has no capabilities" in capsys.readouterr().out
+def test_without_capabilities_it_says_so(serve, run):
+    assert "has no capabilities" in run("capabilities", "r", at=serve()).out

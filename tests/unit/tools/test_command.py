@@ -48,9 +48,8 @@ PATHS = list(commands(command))
 
 
 @pytest.mark.parametrize("path", PATHS, ids=" ".join)
-def test_help_has_an_example_that_the_parser_takes(path, capsys):
-    assert main([*path, "--help"]) == 0
-    shown = capsys.readouterr().out.replace("\\\n", " ")
+def test_help_has_an_example_that_the_parser_takes(path, run):
+    shown = run(*path, "--help").out.replace("\\\n", " ")
     assert "Example" in shown or "  ros-diagnostics " in shown
     example = shown[shown.rindex("ros-diagnostics " + " ".join(path)) :].split("\n\n")[0]
     words = shlex.split(" ".join(example.split("\n  ros-diagnostics")[0].split()))[1:]
@@ -61,9 +60,8 @@ def test_help_has_an_example_that_the_parser_takes(path, capsys):
     parsed.make_context(path[-1], words)  # or it raises UsageError
 
 
-def test_the_help_says_of_each_subcommand_what_its_own_does(capsys):
-    assert main(["--help"]) == 0
-    shown = capsys.readouterr().out
+def test_the_help_says_of_each_subcommand_what_its_own_does(run):
+    shown = run("--help").out
     assert all(name in shown and text in shown for name, text in COMMANDS.items())
 
 
@@ -100,10 +98,9 @@ ASKING = (
 
 
 @pytest.mark.parametrize("arguments", ASKING, ids=" ".join)
-def test_a_server_that_does_not_answer_is_3_for_all(arguments, capsys):
+def test_a_server_that_does_not_answer_is_3_for_all(arguments, run):
     closed = "http://127.0.0.1:1"
-    assert main([*arguments, "--url", closed, "--alertmanager", closed]) == 3
-    said = capsys.readouterr().err
+    said = run(*arguments, "--url", closed, "--alertmanager", closed, code=3).err
     assert said.startswith(f"ros-diagnostics: cannot reach {closed}/")
     assert ": Connection refused. Does it run? For another address: --url (exporter)" in said
 
@@ -111,142 +108,120 @@ def test_a_server_that_does_not_answer_is_3_for_all(arguments, capsys):
 @pytest.mark.parametrize(
     "arguments", [["nothing"], ["status", "--nothing"], ["faults", "--output", "xml"]], ids=" ".join
 )
-def test_wrong_arguments_are_2(arguments, capsys):
-    assert main(arguments) == 2
-    assert "Usage: ros-diagnostics" in capsys.readouterr().err
+def test_wrong_arguments_are_2(arguments, run):
+    assert "Usage: ros-diagnostics" in run(*arguments, code=2).err
 
 
-def test_a_configuration_that_is_not_right_is_2(tmp_path, capsys):
+def test_a_configuration_that_is_not_right_is_2(tmp_path, run):
     (tmp_path / "fleet.yml").write_text("fleet: f\nrobos: []\n")
-    assert main(["check-config", str(tmp_path / "fleet.yml")]) == 2
-    assert "robots" in capsys.readouterr().err
+    assert "robots" in run("check-config", str(tmp_path / "fleet.yml"), code=2).err
+
+
+@pytest.mark.parametrize(
+    "arguments", [["downtime", "--list"], ["ack", "--list"], ["why", "r"]], ids=" ".join
+)
+def test_ctrl_c_ends_a_command_without_a_traceback(arguments, monkeypatch, run):
+    def interrupted(_client, _path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, "get", interrupted)
+    run(*arguments, code=130)
 
 
 # -- subcommands -----------------------------------------------------------------------------
 
 
-def test_a_configuration_is_checked_also_against_the_running_exporter(serve, tmp_path, capsys):
+def test_a_configuration_is_checked_also_against_the_running_exporter(serve, tmp_path, run):
     path = tmp_path / "fleet.yml"
     path.write_text(
         "fleet: hall\nrobots: [{name: robot_1, namespace: /a}, {name: x, namespace: /x}]\n"
     )
-    assert main(["check-config", str(path)]) == 0
-    assert "unmatched" not in capsys.readouterr().out
+    assert "unmatched" not in run("check-config", str(path)).out
 
     query = {"name": "Host/wrong", "expr": "no(", "rows": 0, "skipped": 0, "error": "parse error"}
     server = serve(fleet_snapshot=lambda: {**FLEET, "queries": [query]})
-    live = ["check-config", str(path), "--live", "--url", f"http://{server.addresses[0]}"]
-    assert main(live) == 0
-    shown = capsys.readouterr().out
+    live = ["check-config", str(path), "--live"]
+    shown = run(*live, at=server).out
     assert "unmatched (" in shown
     assert "queries (1):\n  Host/wrong: parse error" in shown
-    assert main([*live, "--output", "json"]) == 0
-    assert json.loads(capsys.readouterr().out)["fleet"] == "hall"
+    assert json.loads(run(*live, "--output", "json", at=server).out)["fleet"] == "hall"
 
 
-def test_faults_are_listed(serve, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+@pytest.mark.usefixtures("wide")
+def test_faults_are_listed(serve, run):
     faults = {"fleet": "hall", "time": 1_060.0, "faults": [FAULT]}
     server = serve(faults=lambda: faults)
-    url = f"http://{server.addresses[0]}"
-    assert main(["faults", "--url", url]) == 0
-    text = capsys.readouterr().out
+    text = run("faults", at=server).out
     assert "CRITICAL  robot_1  /Motor/Motor 1" in text
     assert "\x1b" not in text
-    assert main(["faults", "--url", url, "--output", "json"]) == 0
-    assert json.loads(capsys.readouterr().out) == faults
-    assert main(["faults", "--url", url, "--robot", "other*"]) == 0
-    assert capsys.readouterr().out == "no fault of fleet hall\n"
+    assert json.loads(run("faults", "--output", "json", at=server).out) == faults
+    assert run("faults", "--robot", "other*", at=server).out == "no fault of fleet hall\n"
 
 
-def test_forget_names_the_robot_and_the_component(serve, capsys):
+def test_forget_names_the_robot_and_the_component(serve, run):
     asked = []
     server = serve(
         forget=lambda *given: asked.append(given) or (2, given[1] is None),
         fleet_snapshot=lambda: FLEET,
         lifecycle=True,
     )
-    url = f"http://{server.addresses[0]}"
-    assert main(["forget", "robot_1", "Motor 1", "--url", url]) == 0
-    assert main(["forget", "robot_1", "--url", url, "--output", "json"]) == 0
-    assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
-    assert capsys.readouterr().out == (
+    assert run("forget", "robot_1", "Motor 1", at=server).out == (
         "robot_1 Motor 1 is forgotten\n"
         "Only this exporter has forgotten it, as it reaches no Alertmanager: repeat it at each"
         " other exporter of the fleet, with --url.\n"
-        '{\n  "forgotten": 2,\n  "passed_on": true\n}\n'
     )
+    found = json.loads(run("forget", "robot_1", "--output", "json", at=server).out)
+    assert found == {"forgotten": 2, "passed_on": True}
+    assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
 
 
-def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, capsys):
+def test_forget_says_that_a_robot_is_not_known_and_names_the_nearest(serve, run):
     server = serve(forget=lambda *_: (0, True), fleet_snapshot=lambda: FLEET, lifecycle=True)
-    assert main(["forget", "robot1", "--url", f"http://{server.addresses[0]}"]) == 1
     said = "no robot is called 'robot1'; the nearest is 'robot_1'; if alerts still fire for a robot"
-    assert capsys.readouterr().out == f"{said} of this name, they end\n"
+    assert run("forget", "robot1", at=server, code=1).out == f"{said} of this name, they end\n"
 
 
-def test_why_names_the_nearest_robot(serve, capsys):
-    def unknown(*_given, **_more):
-        raise LookupError("there is no robot 'robot1'")
+def unknown(*_given, **_more):
+    raise LookupError("there is no robot 'robot1'")
 
+
+def test_why_names_the_nearest_robot(serve, run):
     server = serve(why=unknown, fleet_snapshot=lambda: FLEET)
-    assert main(["why", "robot1", "--url", f"http://{server.addresses[0]}"]) == 1
-    assert "no robot 'robot1'; the nearest is 'robot_1'" in capsys.readouterr().err
+    said = run("why", "robot1", at=server, code=1).err
+    assert "no robot 'robot1'; the nearest is 'robot_1'" in said
 
 
-def test_accept_names_the_robot(serve, capsys):
+def test_accept_names_the_robot(serve, run):
     asked = []
     server = serve(accept_graph=lambda *given: asked.append(given) or 16, lifecycle=True)
-    url = f"http://{server.addresses[0]}"
-    assert main(["watch", "accept", "robot_1", "--url", url]) == 0
-    assert main(["watch", "accept", "robot_1", "--url", url, "--output", "json"]) == 0
+    accept = ("watch", "accept", "robot_1")
+    assert run(*accept, at=server).out == "accepted: robot_1, 16 nodes are expected\n"
+    assert json.loads(run(*accept, "--output", "json", at=server).out) == {"expected": 16}
     assert asked == [("robot_1",)] * 2
-    assert capsys.readouterr().out == (
-        'accepted: robot_1, 16 nodes are expected\n{\n  "expected": 16\n}\n'
-    )
 
 
-def test_what_the_exporter_does_not_know_cannot_be_forgotten(serve, capsys):
-    def unknown(*_given):
-        raise LookupError("no robot 'x'")
-
+def test_what_the_exporter_does_not_know_cannot_be_forgotten(serve, run):
     server = serve(forget=unknown, fleet_snapshot=lambda: FLEET, lifecycle=True)
-    assert main(["forget", "x", "--url", f"http://{server.addresses[0]}"]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("ros-diagnostics: no robot 'x' (http://")
+    said = run("forget", "robot1", at=server, code=1).err
+    assert said.startswith("ros-diagnostics: there is no robot 'robot1' (http://")
     assert "404" in said
 
 
-class FakeAlertmanager:
-    """Shows the alerts that it got, as routed to ``receivers``."""
-
-    def __init__(self) -> None:
-        self.alerts = []
-        self.status = {"state": "active", "silencedBy": [], "inhibitedBy": []}
-
-    def get(self, _client, path):
-        if path.startswith("/api/v1/fleet"):
-            return FLEET if path.endswith("=robot_1") else {**FLEET, "robots": []}
-        assert path.startswith("/api/v2/alerts")
-        receivers = [{"name": "on-call"}, {"name": "email"}]
-        return [{**each, "receivers": receivers, "status": self.status} for each in self.alerts]
-
-    def post(self, _client, path, body):
-        assert path == "/api/v2/alerts"
-        self.alerts += body
+def routed(**suppressing):
+    """What Alertmanager says of an alert that has two receivers."""
+    state = "suppressed" if suppressing else "active"
+    status = {"state": state, "silencedBy": [], "inhibitedBy": [], **suppressing}
+    return {"receivers": [{"name": "on-call"}, {"name": "email"}], "status": status}
 
 
 @pytest.fixture
-def alertmanager(monkeypatch) -> FakeAlertmanager:
-    found = FakeAlertmanager()
-    for name in ("get", "post"):
-        method = getattr(found, name)
-        monkeypatch.setattr(Client, name, lambda client, *given, m=method: m(client, *given))
-    return found
+def alertmanager(played):
+    played.fleet, played.routed = FLEET, routed()
+    return played
 
 
-def test_a_test_page_has_the_labels_of_a_fault_and_says_that_it_is_a_test(alertmanager, capsys):
-    assert main(["test-page", "robot_1", "--receiver", "on-call"]) == 0
+def test_a_test_page_has_the_labels_of_a_fault_and_says_that_it_is_a_test(alertmanager, run):
+    said = run("test-page", "robot_1", "--receiver", "on-call").out
     (alert,) = alertmanager.alerts
     assert alert["labels"] == {
         "alertname": "RosDiagnosticsTest",
@@ -261,25 +236,21 @@ def test_a_test_page_has_the_labels_of_a_fault_and_says_that_it_is_a_test(alertm
     }
     assert "TEST" in alert["annotations"]["summary"]
     assert alert["startsAt"] < alert["endsAt"]
-    assert "to on-call, email" in capsys.readouterr().out
+    assert "to on-call, email" in said
 
 
-def test_a_test_page_that_goes_elsewhere_or_nowhere_fails(alertmanager, capsys):
-    assert main(["test-page", "robot_1", "--receiver", "boss"]) == 1
-    assert "do not lead to 'boss' but to on-call, email" in capsys.readouterr().err
+def test_a_test_page_that_goes_elsewhere_or_nowhere_fails(alertmanager, run):
+    said = run("test-page", "robot_1", "--receiver", "boss", code=1).err
+    assert "do not lead to 'boss' but to on-call, email" in said
     for by in ("silencedBy", "inhibitedBy"):
-        lists = {"silencedBy": [], "inhibitedBy": []}
-        alertmanager.status = {"state": "suppressed", **lists, by: ["x"]}
-        assert main(["test-page", "robot_1"]) == 1
-        assert "nobody is notified" in capsys.readouterr().err
-    assert main(["test-page", "robot_2"]) == 1
-    assert "no robot 'robot_2'" in capsys.readouterr().err
+        alertmanager.routed = routed(**{by: ["x"]})
+        assert "nobody is notified" in run("test-page", "robot_1", code=1).err
+    assert "no robot 'robot_2'" in run("test-page", "robot_2", code=1).err
 
 
-def test_a_test_page_that_alertmanager_does_not_show_fails(alertmanager, monkeypatch, capsys):
+def test_a_test_page_that_alertmanager_does_not_show_fails(alertmanager, monkeypatch, run):
     monkeypatch.setattr(test_page, "SHOWN", 0.0)
-    assert main(["test-page", "robot_1"]) == 1
-    assert "does not show it" in capsys.readouterr().err
+    assert "does not show it" in run("test-page", "robot_1", code=1).err
 
 
 # -- named exporters -------------------------------------------------------------------------
@@ -321,11 +292,10 @@ def test_exporters_have_names_and_the_first_is_the_default(asked, tmp_path):
 
 
 @pytest.mark.parametrize("flag", ["password-file", "ca-file", "cert-file", "key-file"])
-def test_a_file_that_cannot_be_read_is_a_wrong_argument(asked, tmp_path, capsys, flag):
+def test_a_file_that_cannot_be_read_is_a_wrong_argument(asked, tmp_path, run, flag):
     missing = tmp_path / "missing"
-    assert main(["faults", "--url", "https://north:1", f"--{flag}", str(missing)]) == 2
-    said = f"{flag.replace('-', '_')}: {missing}: no such file, or it cannot be read"
-    assert said in capsys.readouterr().err
+    said = run("faults", "--url", "https://north:1", f"--{flag}", str(missing), code=2).err
+    assert f"{flag.replace('-', '_')}: {missing}: no such file, or it cannot be read" in said
     assert asked == []
 
 
@@ -340,13 +310,10 @@ def test_a_file_that_cannot_be_read_is_a_wrong_argument(asked, tmp_path, capsys,
         (None, "No such file"),
     ],
 )
-def test_a_name_that_is_not_there_and_a_wrong_file_are_said(
-    asked, tmp_path, capsys, content, error
-):
+def test_a_name_that_is_not_there_and_a_wrong_file_are_said(asked, tmp_path, run, content, error):
     if content is not None:
         (tmp_path / "ros-diagnostics.yml").write_text(content)
-    assert main(["faults", "--url", "west"]) == 2
-    shown = capsys.readouterr().err
+    shown = run("faults", "--url", "west", code=2).err
     assert error in shown
     assert str(tmp_path / "ros-diagnostics.yml") in shown
     assert asked == []

@@ -2,109 +2,182 @@
 
 from __future__ import annotations
 
+import time
+from datetime import datetime
+
 import pytest
 
-from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_tools.commands import downtime
 from ros_diagnostics_tools.main import main
+from support.as_listed import read, read_downtimes
+from support.silences import listed
 from support.web_server import component, fleet, robot
 
 FLEET = fleet(
     robot("robot_1", component("Motor 1", "OK"), labels={"site": "hall", "team": "arms"}),
     robot("robot_2", component("Motor 1", "OK"), labels={"site": "hall", "team": "carts"}),
+    robot("robot_3", labels={"site": "yard", "team": "carts"}),
 )
 
-
-class Played:
-    """An exporter and an Alertmanager; an exporter follows no downtime that lies ahead."""
-
-    def __init__(self) -> None:
-        self.silences = []
-        self.deleted = []
-
-    def get(self, _client, path):
-        if path.startswith("/api/v1/fleet"):
-            names = [each["robot"] for each in FLEET["robots"] if path.endswith(each["robot"])]
-            every = "?" not in path
-            robots = [each for each in FLEET["robots"] if every or each["robot"] in names]
-            return {**FLEET, "robots": robots}
-        return [
-            {**each, "id": f"{number}", "status": {"state": "pending"}}
-            for number, each in enumerate(self.silences)
-        ]
-
-    def post(self, _client, _path, body):
-        self.silences.append(body)
-        return {"silenceID": str(len(self.silences) - 1)}
-
-    def delete(self, _client, path):
-        self.deleted.append(path.rpartition("/")[2])
+pytestmark = pytest.mark.usefixtures("in_utc")
 
 
 @pytest.fixture
-def played(monkeypatch) -> Played:
-    found = Played()
-    for name in ("get", "post", "delete"):
-        method = getattr(found, name)
-        monkeypatch.setattr(Client, name, lambda client, *given, m=method: m(client, *given))
-    return found
+def servers(played):
+    """An exporter of this fleet, and an Alertmanager."""
+    played.fleet = FLEET
+    return played
+
+
+def run(*arguments: str) -> int:
+    return main(["downtime", *arguments, "--author", "ann"])
 
 
 def plan(*arguments: str) -> int:
-    begins = ["--from", "2099-01-01T10:00", "--comment", "new gears", "--author", "ann"]
-    return main(["downtime", *arguments, *begins])
+    return run(*arguments, "--comment", "new gears")
 
 
-def about(silence):
-    return {each["name"]: each["value"] for each in silence["matchers"]}
+def planned_robots(servers) -> list[str]:
+    return sorted(each.robot for each in read_downtimes(servers.silences, "hall"))
 
 
-def test_it_lasts_as_long_as_is_said_from_its_begin_on(played):
-    assert plan("robot_1", "1h30m") == 0
-    (made,) = played.silences
-    begin, end = (downtime.datetime.fromisoformat(made[of]) for of in ("startsAt", "endsAt"))
+@pytest.mark.parametrize("name", ["", "Motor 1"])
+def test_what_the_command_plans_is_what_the_exporter_reads(servers, capsys, name):
+    before = time.time()
+    assert plan(*filter(None, ("robot_1", name, "1h30m"))) == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found[:2] == ("robot_1", name)
+    assert found[4:] == ("ann", "new gears")
+    assert before <= found.start <= time.time()
+    assert found.end - found.start == pytest.approx(5400)
+    assert capsys.readouterr().out.startswith(f"planned: hall/{f'robot_1 {name}'.strip()} from ")
+    assert read_downtimes(servers.silences, "other") == []
+    assert read(servers.silences, "hall") == []  # no acknowledgement
+
+
+def test_it_lasts_as_long_as_is_said_from_its_begin_on(servers):
+    assert plan("robot_1", "1h30m", "--from", "2099-01-01T10:00") == 0
+    (made,) = servers.silences
+    begin, end = (datetime.fromisoformat(made[of]) for of in ("startsAt", "endsAt"))
     assert begin.astimezone().strftime("%Y-%m-%d %H:%M") == "2099-01-01 10:00"
     assert (end - begin).total_seconds() == 5_400.0
-    assert (made["createdBy"], about(made)["robot"]) == ("ann", "robot_1")
+    assert (made["createdBy"], servers.matched()[0]["robot"]) == ("ann", "robot_1")
 
 
-def test_of_several_labels_a_robot_has_all(played):
-    assert plan("--site", "hall", "--selector", "team=carts", "2h") == 0
-    assert [about(each)["robot"] for each in played.silences] == ["robot_2"]
+def test_one_that_begins_later_is_listed_and_can_be_cancelled(servers, capsys):
+    assert plan("robot_1", "Motor 1", "2h", "--from", "3h") == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.start == pytest.approx(time.time() + 3 * 3600, abs=60)
+    servers.silences += [listed(), {"nonsense": 1}]  # an acknowledgement is no downtime
+    capsys.readouterr()
+    assert run("--list") == 0
+    (line,) = capsys.readouterr().out.splitlines()[1:]
+    assert line.split()[:4] == ["hall", "robot_1", "Motor", "1"]
+
+    assert run("--cancel", "robot_1") == 1
+    assert "planned: hall/robot_1 Motor 1" in capsys.readouterr().err
+    assert run("--cancel", "robot_1", "Motor 1") == 0
+    assert read_downtimes(servers.silences, "hall") == []
+
+
+def test_cancelling_a_component_leaves_its_robots_downtime(servers):
+    assert plan("robot_1", "1h") == 0
+    assert plan("robot_1", "Motor 1", "1h") == 0
+    assert run("robot_1", "Motor 1", "--cancel") == 0
+    (left,) = read_downtimes(servers.silences, "hall")
+    assert left[:2] == ("robot_1", "")
+    assert run("robot_2", "--cancel") == 1
 
 
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        (("robot_3", "1h"), "no robot 'robot_3'; the nearest is 'robot_"),
-        (("robot_1", "Motor 2", "1h"), "robot_1 has no component 'Motor 2'; the nearest is 'Motor"),
-        (("robot_1", "1h", "--fleet", "other"), "is of fleet"),
+        (("robot_9", "1h"), "no robot 'robot_9'; the nearest is 'robot_"),
+        (("robot_1", "Mottor 1", "1h"), "robot_1 has no component 'Mottor 1'; the nearest is 'Mot"),
+        (("robot_1", "1h", "--fleet", "yard"), "is of fleet"),
+        (("--site", "roof", "1h"), "no robot has the labels 'site=roof'"),
     ],
 )
-def test_what_the_exporter_does_not_know_is_not_planned(played, capsys, arguments, error):
+def test_what_the_exporter_does_not_know_is_not_planned(servers, capsys, arguments, error):
     assert plan(*arguments) == 1
     assert error in capsys.readouterr().err
-    assert played.silences == []
+    assert servers.silences == []
 
 
-def test_cancelling_a_component_leaves_its_robots_downtime(played):
-    assert plan("robot_1", "1h") == 0
-    assert plan("robot_1", "Motor 1", "1h") == 0
-    assert main(["downtime", "robot_1", "Motor 1", "--cancel"]) == 0
-    assert played.deleted == ["1"]
-    assert main(["downtime", "robot_2", "--cancel"]) == 1
+def test_a_downtime_of_a_site_is_one_of_each_of_its_robots(servers, capsys):
+    assert plan("--site", "hall", "1h") == 0
+    assert planned_robots(servers) == ["robot_1", "robot_2"]
+    assert plan("--site", "yard", "1h") == 0
+    capsys.readouterr()
+    assert run("--cancel", "--site", "hall") == 0
+    assert capsys.readouterr().out.startswith("cancelled: hall/robot_1 from ")
+    assert planned_robots(servers) == ["robot_3"]
+
+
+def test_of_several_labels_a_robot_has_all(servers):
+    assert plan("--site", "hall", "--selector", "team=carts", "2h") == 0
+    assert planned_robots(servers) == ["robot_2"]
+    assert plan("--selector", "site=yard", "--selector", "team=carts", "2h") == 0
+    assert planned_robots(servers) == ["robot_2", "robot_3"]
+
+
+def test_an_exporter_that_does_not_follow_is_an_error(servers, capsys, monkeypatch):
+    monkeypatch.setattr(downtime, "FOLLOWED", 0.0)
+    servers.follows = False
+    assert plan("robot_1", "1h") == 1
+    assert "does not read it: start it with --alertmanager.url=" in capsys.readouterr().err
+
+
+def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
+    servers.exporter_answers = False
+    assert plan("robot_1", "1h") == 3
+    assert "or the fleet with --fleet" in capsys.readouterr().err
+    assert plan("--site", "yard", "1h", "--fleet", "hall") == 3  # nobody says which robots
+    assert servers.silences == []
+    assert plan("robot_1", "1h", "--fleet", "hall") == 0
+    assert "not checked" in capsys.readouterr().err
+    assert planned_robots(servers) == ["robot_1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["robot_1", "--comment", "x"], "'robot_1' is not a duration"),
+        (["robot_1", "Motor 1", "--comment", "x"], "'Motor 1' is not a duration such as 90s"),
+        (["robot_1", "99999d", "--comment", "x"], "'99999d' is not a duration"),
+        (["robot_1", "1h"], "say with --comment"),
+        (["robot_1", "1h", "--comment", " "], "say with --comment"),
+        (["", "1h", "--comment", "x"], "a name has 1 to 1024 characters"),
+        (["robot_1", "1h", "--comment", "x", "--from", "soon"], "'soon' is no time"),
+        (["robot_1", "1h", "--comment", "x", "--from", "2020-01-01"], "has passed"),
+        (["--cancel"], "missing ROBOT"),
+        (["--site", "hall", "robot_1", "1h", "--comment", "x"], "stand for ROBOT"),
+        (["--selector", "hall", "1h", "--comment", "x"], "'hall' is not LABEL=VALUE"),
+        (["--list", "robot_1"], "--list takes no ROBOT"),
+        (["--list", "--cancel", "robot_1"], "and no --cancel"),
+    ],
+)
+def test_wrong_arguments_are_usage_errors(arguments, problem, capsys):
+    assert run(*arguments) == 2
+    assert problem in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "name", [("x" * 1_025,), ("robot_1", "x" * 1_025)], ids=["robot", "component"]
 )
-def test_a_name_that_no_robot_can_have_is_wrong_usage(played, name):
+def test_a_name_that_no_robot_can_have_is_wrong_usage(servers, name):
     assert plan(*name, "1h") == 2
 
 
-def test_a_duration_with_a_minus_is_named_with_the_way_out(played, capsys):
+def test_a_duration_with_a_minus_is_named_with_the_way_out(servers, capsys):
     assert plan("robot_1", "-5m") == 2
     error = capsys.readouterr().err
     assert "'-5m' begins with a minus" in error
     assert "write 5m" in error
     assert "No such option" not in error
+
+
+def test_flags_may_stand_between_the_names(servers):
+    assert run("robot_1", "--comment", "new gears", "Motor 1", "--from", "1h", "2h") == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.component == "Motor 1"

@@ -22,7 +22,7 @@ from mcp.client.streamable_http import streamable_http_client
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.http_client import Client as Exporter
 from ros_diagnostics_tools import ask
-from ros_diagnostics_tools.main import main
+from support.web_server import url_of
 from testbed.polling import until
 
 TOOLS = {
@@ -54,8 +54,7 @@ def history_of(text: str) -> dict[str, object]:
 @pytest.fixture
 def exporter(serve):
     """The address of an exporter that answers `why` with the component that it is asked for."""
-    server = serve(why=lambda _robot, component, _at: history_of(HOSTILE[int(component)]))
-    return f"http://{server.addresses[0]}"
+    return url_of(serve(why=lambda _robot, component, _at: history_of(HOSTILE[int(component)])))
 
 
 def ask_all(server, questions):
@@ -102,7 +101,7 @@ SHOWN = {"occurrences": ROWS}
 @pytest.mark.parametrize("tool", ANSWERS)
 def test_of_no_tool_a_text_leaves_its_field(serve, tool):
     asked, field, answers = ANSWERS[tool]
-    exporter = f"http://{serve(**answers).addresses[0]}"
+    exporter = url_of(serve(**answers))
 
     (result,) = ask_all(ask.make_server(Exporter(exporter)), [(tool, asked)])
 
@@ -147,8 +146,7 @@ def protected(serve, tmp_path) -> str:
     """The address of an exporter that ann may ask, and who has no password may not."""
     hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
     (tmp_path / "web.yml").write_text(f"basic_auth_users: {{ann: {hashed}}}")
-    server = serve(web_config=tmp_path / "web.yml", why=lambda *_given: history_of("hot"))
-    return f"http://{server.addresses[0]}"
+    return url_of(serve(web_config=tmp_path / "web.yml", why=lambda *_given: history_of("hot")))
 
 
 @pytest.fixture
@@ -195,26 +193,22 @@ def test_over_http_who_asks_logs_in_with_a_user_of_the_exporter(over_http):
         assert wrong.structured_content is None
 
 
-def test_an_address_that_is_in_use_is_named(capsys):
+def test_an_address_that_is_in_use_is_named(run):
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"127.0.0.1:{other.getsockname()[1]}"
-        assert main(["mcp", "--listen", address]) == 1
+        said = run("mcp", "--listen", address, code=1).err
 
-    said = capsys.readouterr().err
     assert f"cannot listen on {address}: Address already in use" in said
     assert "; choose another --listen" in said
 
 
 @pytest.mark.parametrize("flags", [("--user", "ann"), ("--cert-file", "/etc/hostname")])
-def test_over_http_nobody_has_the_rights_of_who_started_it(flags, capsys):
-    assert main(["mcp", "--listen", "127.0.0.1:9878", *flags]) == 2
-    assert (
-        f"leave out {flags[0]}: with --listen each client logs in itself" in capsys.readouterr().err
-    )
+def test_over_http_nobody_has_the_rights_of_who_started_it(flags, run):
+    said = run("mcp", "--listen", "127.0.0.1:9878", *flags, code=2).err
+    assert f"leave out {flags[0]}: with --listen each client logs in itself" in said
 
 
-def test_without_its_library_it_names_the_command(monkeypatch, capsys):
+def test_without_its_library_it_names_the_command(monkeypatch, run):
     monkeypatch.delitem(sys.modules, "ros_diagnostics_tools.ask", raising=False)
     monkeypatch.setitem(sys.modules, "mcp.server", None)
-    assert main(["mcp"]) == 1
-    assert install_command("mcp") in capsys.readouterr().err
+    assert install_command("mcp") in run("mcp", code=1).err

@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
 from ros_diagnostics_tools import ask
 from ros_diagnostics_tools.asked_recordings import NotAskedError, with_confirm_after
+from support.web_server import url_of
 from virtual_robots.model import Status
 from virtual_robots.recording.cdr import encode_array
 
@@ -62,8 +63,7 @@ def ask_once(server, tool, **arguments):
 @pytest.fixture
 def asked(serve, content):
     """A function (tool, arguments): what the client receives."""
-    server = serve(recording=lambda _fault, _so_far: content)
-    exporter = Exporter(f"http://{server.addresses[0]}")
+    exporter = Exporter(url_of(serve(recording=lambda _fault, _so_far: content)))
     return lambda tool, **arguments: ask_once(ask.make_server(exporter), tool, **arguments)
 
 
@@ -104,13 +104,12 @@ def test_what_is_no_duration_is_an_error_in_the_configs_words(asked, confirm_aft
 
 
 def test_what_is_no_recording_is_an_error(serve):
-    server = serve(recording=lambda _fault, _so_far: b"no bag")
-    exporter = ask.make_server(Exporter(f"http://{server.addresses[0]}"))
+    exporter = ask.make_server(Exporter(url_of(serve(recording=lambda *_asked: b"no bag"))))
 
     result = ask_once(exporter, "recording", fault=FAULT)
     assert result.is_error
     assert "no recording of a fault" in result.content[0].text
-    missing = ask.make_server(Exporter(f"http://{serve().addresses[0]}"))
+    missing = ask.make_server(Exporter(url_of(serve())))
     result = ask_once(missing, "backtest", fault="../../x", confirm_after="5s")
     assert result.is_error
     assert "404" in result.content[0].text

@@ -9,7 +9,6 @@ import pytest
 
 from ros_diagnostics_exporter.api.missions import missions
 from ros_diagnostics_exporter.decode.goals import ABORTED, SUCCEEDED
-from ros_diagnostics_tools.main import main
 from support.missions import DOCK, FLEET, GOTO, MODES, Mission, drive
 from support.state_driver import ERROR, LASER, StateDriver
 
@@ -20,23 +19,18 @@ def mission(tmp_path):
 
 
 @pytest.fixture
-def ask(serve, capsys):
+def ask(serve, run):
     """What the command prints of a driver's state."""
 
-    def run(
-        driver: StateDriver, *arguments: str, command: str = "missions", expected: int = 0
-    ) -> str:
+    def ask(driver: StateDriver, *arguments: str, command: str = "missions", code: int = 0) -> str:
         assert driver.events is not None  # they are in the log now
         server = serve(
             missions=lambda name: missions(driver.state, name, driver.now),
             find_events=lambda wanted: driver.log.find(replace(wanted, since=None)),
         )
-        url = f"http://{server.addresses[0]}"
-        assert main([command, *arguments, "--url", url]) == expected
-        printed = capsys.readouterr()
-        return printed.out + printed.err
+        return "".join(run(command, *arguments, at=server, code=code))
 
-    return run
+    return ask
 
 
 def row(text: str, action: str) -> str:
@@ -98,7 +92,7 @@ def test_without_actions_it_says_so(ask):
     driver.stand(2, LASER)
 
     assert "No action of a robot was seen" in ask(driver)
-    assert "missions?robot=x answered 404" in ask(driver, "x", expected=1)
+    assert "missions?robot=x answered 404" in ask(driver, "x", code=1)
 
 
 def test_as_json_it_has_all_of_it(mission, ask):

@@ -2,13 +2,12 @@ from __future__ import annotations
 
 import socket
 import threading
-import time
 
 import bcrypt
 import pytest
 
 from ros_diagnostics_tools.check_nagios import check, main
-from support.web_server import broken, component, downtime, fleet, problem, robot
+from support.web_server import broken, component, downtime, fleet, problem, robot, url_of
 
 MUTE = "its publisher sends nothing (mute)"
 GONE = "nobody publishes on its topics (publisher_gone)"
@@ -86,9 +85,8 @@ def test_what_a_condition_suppresses_is_listed_as_ok():
     )
 
 
-def test_in_maintenance_everything_is_listed_and_nothing_counts(monkeypatch):
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
+@pytest.mark.usefixtures("in_utc")
+def test_in_maintenance_everything_is_listed_and_nothing_counts():
     planned = {"maintenance": True, "maintenance_until": 72_000.0}
     code, text = checked("motor 2", {**BROKEN, **planned})
     assert (code, text.split(": ", 1)[0]) == (0, "OK - in maintenance until 20:00")
@@ -128,9 +126,8 @@ def test_with_confirmed_a_silence_and_a_short_check_count_when_they_are():
     assert confirmed_only("drive", short)[0] == 2
 
 
-def test_a_component_in_a_downtime_is_listed_and_does_not_count(monkeypatch):
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
+@pytest.mark.usefixtures("in_utc")
+def test_a_component_in_a_downtime_is_listed_and_does_not_count():
     suppressed = broken("Motor 2", confirmed=None, suppressed="maintenance")
     planned = {**BROKEN, "problems": [suppressed], "downtimes": [downtime("Motor 2")]}
     code, text = checked("motor 2", planned)
@@ -237,11 +234,21 @@ def test_a_robots_text_cannot_break_the_line():
 
 
 def test_the_command_asks_the_exporter(serve, capsys):
-    server = serve(fleet_snapshot=lambda: fleet(BROKEN, robot("robot_2")))
-    url = f"http://{server.addresses[0]}"
+    url = url_of(serve(fleet_snapshot=lambda: fleet(BROKEN, robot("robot_2"))))
     assert main(["-H", "robot_1", "-N", "laser", "--url", url]) == 0
     assert capsys.readouterr().out.startswith("OK - OK sensor(s) list: /Laser/Laser 1 | ")
     assert main(["-H", "robot_3", "--url", url]) == 3
+
+
+@pytest.fixture
+def unknown(capsys):
+    """A function (URL, more): what the plug-in prints of robot_1, which is UNKNOWN."""
+
+    def unknown(url, *more):
+        assert main(["-H", "robot_1", "--url", url, *more]) == 3
+        return capsys.readouterr().out
+
+    return unknown
 
 
 @pytest.mark.parametrize("call", [["-N", "Motor"], ["-H", "a", "-t", "-1"], ["-H", "a", "-t", "x"]])
@@ -261,29 +268,24 @@ def test_wrong_arguments_are_unknown_and_not_critical(call, capsys):
         ("http://a b", "control char"),
     ],
 )
-def test_a_wrong_url_is_unknown(url, complaint, capsys):
-    assert main(["-H", "robot_1", "--url", url]) == 3
-    assert complaint in capsys.readouterr().out
+def test_a_wrong_url_is_unknown(url, complaint, unknown):
+    assert complaint in unknown(url)
 
 
-def test_another_server_or_an_http_error_is_unknown(serve, capsys):
+def test_another_server_or_an_http_error_is_unknown(serve, unknown):
     server = serve(fleet_snapshot=lambda: 1 / 0)
-    url = f"http://{server.addresses[0]}"
-    assert main(["-H", "robot_1", "--url", url]) == 3
-    assert "answered 500" in capsys.readouterr().out
-    assert main(["-H", "robot_1", "--url", f"{url}/metrics#"]) == 3
-    assert main(["-H", "robot_1", "--user", "a", "--url", url]) == 3
-    assert "--password-file" in capsys.readouterr().out
+    assert "answered 500" in unknown(url_of(server))
+    assert "UNKNOWN" in unknown(url_of(server, "/metrics#"))
+    assert "--password-file" in unknown(url_of(server), "--user", "a")
 
 
-def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, capsys):
+def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, unknown):
     server = serve(fleet_snapshot=lambda: fleet({"robot": "robot_1"}))
-    assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
     said = "UNKNOWN - the exporter's answer is not as expected; is it of the same version?"
-    assert capsys.readouterr().out == f"{said} (KeyError('problems'))\n"
+    assert unknown(url_of(server)) == f"{said} (KeyError('problems'))\n"
 
 
-def test_a_response_that_drips_in_byte_by_byte_times_out(capsys):
+def test_a_response_that_drips_in_byte_by_byte_times_out(unknown):
     stop = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
@@ -296,24 +298,21 @@ def test_a_response_that_drips_in_byte_by_byte_times_out(capsys):
         dripping = threading.Thread(target=drip)
         dripping.start()
         port = listening.getsockname()[1]
-        assert main(["-H", "a", "--url", f"http://127.0.0.1:{port}", "-t", "0.5"]) == 3
+        assert "no answer" in unknown(f"http://127.0.0.1:{port}", "-t", "0.5")
         stop.set()
         dripping.join(20)
-    assert "no answer" in capsys.readouterr().out
 
 
-def test_tls_and_basic_auth(serve, ca, tls_config, tmp_path, capsys):
+def test_tls_and_basic_auth(serve, ca, tls_config, tmp_path, unknown):
     hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(4)).decode()
     tls_config.write_text(f"{tls_config.read_text()}\nbasic_auth_users: {{nagios: {hashed}}}")
     ca.cert_pem.write_to_path(tmp_path / "ca.crt")
     (tmp_path / "password").write_text("secret\n")
     server = serve(web_config=tls_config, fleet_snapshot=lambda: fleet(BROKEN))
-    call = ["-H", "robot_1", "-N", "laser", "--url", f"https://{server.addresses[0]}"]
+    url = f"https://{server.addresses[0]}"
     login = ["--user", "nagios", "--password-file", str(tmp_path / "password")]
-    assert main([*call, *login, "--ca-file", str(tmp_path / "ca.crt")]) == 0
-    assert main([*call, "--ca-file", str(tmp_path / "ca.crt")]) == 3
-    assert "answered 401" in capsys.readouterr().out
-    assert main([*call, *login]) == 3
-    assert "certificate verify failed" in capsys.readouterr().out.replace("_", " ").lower()
-    assert main([*call, "--ca-file", str(tmp_path / "missing.crt")]) == 3
-    assert "missing.crt" in capsys.readouterr().out
+    trust = ["--ca-file", str(tmp_path / "ca.crt")]
+    assert main(["-H", "robot_1", "-N", "laser", "--url", url, *login, *trust]) == 0
+    assert "answered 401" in unknown(url, *trust)
+    assert "certificate verify failed" in unknown(url, *login).replace("_", " ").lower()
+    assert "missing.crt" in unknown(url, "--ca-file", str(tmp_path / "missing.crt"))

@@ -11,8 +11,7 @@ import pytest
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.severity import short_names
 from ros_diagnostics_exporter.web import api
-from ros_diagnostics_tools.main import main
-from support.web_server import broken, component, fleet, problem, robot, wait_until
+from support.web_server import broken, component, fleet, problem, robot, url_of, wait_until
 
 FLEET = fleet(
     robot("robot_1", component("Motor 1", "OK"), component("Cam 1", "OK", group="/Camera")),
@@ -43,18 +42,10 @@ sys.exit(main())
 
 
 @pytest.fixture
-def show(serve, capsys, monkeypatch):
+def show(serve, run, wide, in_utc):
     """Runs the command against a server with ``FLEET``; returns its output."""
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
     server = serve(fleet_snapshot=lambda: FLEET)
-
-    def run(*arguments: str) -> str:
-        assert main(["status", *arguments, "--url", f"http://{server.addresses[0]}"]) == 0
-        return capsys.readouterr().out
-
-    return run
+    return lambda *arguments: run("status", *arguments, at=server).out
 
 
 def test_the_worst_robots_come_first_with_their_faults(show):
@@ -99,40 +90,30 @@ def test_components_are_shown_with_message_and_values(show):
     assert "Level=12.3 V" in text
 
 
-def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+@pytest.mark.usefixtures("wide")
+def test_a_robots_text_cannot_control_the_terminal(serve, run):
     evil = "\x1b]0;\x07\x9b[bold]x"
-    server = serve(
-        fleet_snapshot=lambda: fleet(
-            robot(
-                evil,
-                component(evil, "ERROR", message=evil, group=evil),
-                problems=[broken(evil, group=evil, suppressed=evil)],
-            )
-        )
-    )
+    part = component(evil, "ERROR", message=evil, group=evil)
+    given = fleet(robot(evil, part, problems=[broken(evil, group=evil, suppressed=evil)]))
+    server = serve(fleet_snapshot=lambda: given)
     for more in ([], ["--component", ""], ["--output", "json"]):
-        assert main(["status", "--url", f"http://{server.addresses[0]}", *more]) == 0
-        text = capsys.readouterr().out
+        text = run("status", *more, at=server).out
         assert not set(text) & set("\x1b\x07\x9b")
         assert "[bold]" in "".join(text.split())
 
 
-def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+@pytest.mark.usefixtures("wide")
+def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, run):
     bad = [broken(f"Motor {n}") for n in range(20)]
     site = problem("site", "silent", site="hall", suppressed="restart")
     given = fleet(robot("a", problems=bad), robot("b"), problems=[site])
     server = serve(fleet_snapshot=lambda: given)
-    url = f"http://{server.addresses[0]}"
-    assert main(["status", "--url", url]) == 0
-    text = capsys.readouterr().out
+    text = run("status", at=server).out
     assert text.count("Motor ") == 5
     assert "and 15 more" in text
     assert "site hall" in text
     assert "suppressed: the exporter has just started" in text
-    assert main(["status", "--url", url, "--robot", "a"]) == 0
-    assert "site hall" not in capsys.readouterr().out
+    assert "site hall" not in run("status", "--robot", "a", at=server).out
 
 
 NAMES = {
@@ -152,28 +133,24 @@ def test_a_name_is_as_short_as_it_is_unique():
     assert short_names(robot("robot_3", *parts)) == NAMES
 
 
-def test_a_fleet_that_is_well_has_no_empty_columns(serve, capsys, monkeypatch):
+def test_a_fleet_that_is_well_has_no_empty_columns(serve, run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     given = fleet(robot("robot_3", component("Motor 1", "OK")))
     server = serve(fleet_snapshot=lambda: given)
 
-    assert main(["status", "--url", f"http://{server.addresses[0]}"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = run("status", at=server).out.splitlines()
     assert lines[0].split() == ["State", "Message"]
     assert lines[-1].strip().endswith(": robot_3 is OK")
     assert len(lines) == 4
 
 
-def test_it_says_since_when_no_prometheus_reads_the_faults(serve, capsys, monkeypatch):
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
+def test_it_says_since_when_no_prometheus_reads_the_faults(serve, run, wide, in_utc):
     server = serve(fleet_snapshot=lambda: {**FLEET, "unread_since": 900.0})
-    assert main(["status", "--url", f"http://{server.addresses[0]}"]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+    text = run("status", at=server).out
     assert "Prometheus has not read the faults since 00:15:00: nobody is notified" in text
 
 
-def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys, monkeypatch):
+def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, run, monkeypatch):
     monkeypatch.setattr(api, "PAGE_BYTES", 400)  # so that it takes several pages
     log, now = EventLog(), time.time()
     for ago, level in ((7_300, "WARN"), (600, "ERROR"), (130, "OK")):
@@ -181,24 +158,21 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     log.record(Event(now - 50, "robot", "b", after="silent"))
     known = fleet(robot("turtlebot_1"))
     server = serve(find_events=log.find, fleet_snapshot=lambda: known)
-    url = f"http://{server.addresses[0]}"
 
-    assert main(["history", "a", "--url", url]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(run("history", "a", at=server).out.split())
     assert text.index("10 min") < text.index("2 min")
     assert r"/Motor/Motor 1 OK → ERROR: \x1b[hot" in text
     assert "WARN" not in text
     assert "silent" not in text
-    assert main(["history", "a", "--since", "3h", "--output", "json", "--url", url]) == 0
-    assert [each["after"] for each in json.loads(capsys.readouterr().out)] == [
-        *("WARN", "ERROR", "OK")
-    ]
-    assert main(["history", "turtlebot_1", "--since", "10m", "--url", url]) == 0
-    assert "no event of robot 'turtlebot_1' since " in capsys.readouterr().out
-    assert main(["history", "turtlebot1", "--since", "10m", "--url", url]) == 1
-    assert "no robot 'turtlebot1'; the nearest is 'turtlebot_1'" in capsys.readouterr().err
-    assert main(["history", "xyz", "--since", "10m", "--url", url]) == 1
-    assert "no robot 'xyz'; ros-diagnostics status lists the robots" in capsys.readouterr().err
+    found = json.loads(run("history", "a", "--since", "3h", "--output", "json", at=server).out)
+    assert [each["after"] for each in found] == ["WARN", "ERROR", "OK"]
+    for name, code, expected in (
+        ("turtlebot_1", 0, "no event of robot 'turtlebot_1' since "),
+        ("turtlebot1", 1, "no robot 'turtlebot1'; the nearest is 'turtlebot_1'"),
+        ("xyz", 1, "no robot 'xyz'; ros-diagnostics status lists the robots"),
+    ):
+        said = run("history", name, "--since", "10m", at=server, code=code)
+        assert expected in (said.err if code else said.out)
 
 
 @pytest.mark.parametrize(
@@ -211,9 +185,8 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
         (["status", "--timeout=3"], "'3' is not a duration"),
     ],
 )
-def test_a_wrong_time_or_state_is_rejected(arguments, error, capsys):
-    assert main(arguments) == 2
-    assert error in capsys.readouterr().err
+def test_a_wrong_time_or_state_is_rejected(arguments, error, run):
+    assert error in run(*arguments, code=2).err
 
 
 def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
@@ -226,7 +199,7 @@ def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
         return FLEET
 
     server = serve(fleet_snapshot=look)
-    arguments = ["status", "--watch", "1100ms", "--url", f"http://{server.addresses[0]}"]
+    arguments = ["status", "--watch", "1100ms", "--url", url_of(server)]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:
             wait_until(lambda: len(looks) >= 4)  # then the third, good again, was shown

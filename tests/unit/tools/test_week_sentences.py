@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.api.occurrences import WEEK
 from ros_diagnostics_exporter.fleet_texts import span
 from ros_diagnostics_tools import week_sentences
-from ros_diagnostics_tools.main import main
 from support.web_server import downtime, fleet, problem, robot
 
 NOW = 30 * 86_400.0
@@ -291,7 +290,7 @@ def test_aborted_goals_and_interventions_are_counted_with_what_was_wrong():
     ]
 
 
-def test_the_sentences_of_one_part_are_one_line_and_all_comes_from_the_api(serve, capsys):
+def test_the_sentences_of_one_part_are_one_line_and_all_comes_from_the_api(serve, run):
     events = [{**each, "id": number} for number, each in enumerate(three(), 1)]
     asked = []
 
@@ -304,12 +303,9 @@ def test_the_sentences_of_one_part_are_one_line_and_all_comes_from_the_api(serve
         find_events=find,
         faults=lambda: {"faults": [], "events_since": 0.0},
     )
-    url = f"http://{server.addresses[0]}"
 
-    assert main(["history", "r", "--week", "--url", url]) == 0
-    [line] = capsys.readouterr().out.splitlines()
+    [line] = run("history", "r", "--week", at=server).out.splitlines()
     assert line.startswith("/Motor/Motor 2 was faulty 3 times in the last 7 days")
     assert "Each of the 3 times it began 4 min after /Power/Charger turned WARNING" in line
     assert {robot for robot, _kind in asked} == {"r"}
-    assert main(["history", "q", "--week", "--url", url]) == 1
-    assert "no robot 'q'" in capsys.readouterr().err
+    assert "no robot 'q'" in run("history", "q", "--week", at=server, code=1).err

@@ -1,10 +1,6 @@
 from __future__ import annotations
 
-import time
-
 import pytest
-
-from ros_diagnostics_tools.main import main
 
 LEDGER = {
     "fleet": "hall",
@@ -17,20 +13,13 @@ LEDGER = {
 }
 
 
-@pytest.fixture(autouse=True)
-def in_utc(monkeypatch):
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
-
-
-def test_the_history_is_printed_in_order_and_then_what_is_now(serve, capsys):
+@pytest.mark.usefixtures("in_utc")
+def test_the_history_is_printed_in_order_and_then_what_is_now(serve, run):
     asked = []
     server = serve(why=lambda *given: asked.append(given) or LEDGER)
-    url = f"http://{server.addresses[0]}"
-
-    assert main(["why", "robot_1", "Motor 1", "--at", "1970-01-01T00:10", "--url", url]) == 0
+    said = run("why", "robot_1", "Motor 1", "--at", "1970-01-01T00:10", at=server).out
     assert asked == [("robot_1", "Motor 1", 600.0)]
-    lines = capsys.readouterr().out.splitlines()
+    lines = said.splitlines()
     assert "00:16:40  /Motor/Motor 1 OK → ERROR: " in lines[1]
     assert "\x1b" not in "".join(lines)
     assert lines[-1] == "  critical /Motor/Motor 1: confirmed; notified 1 min ago: email"

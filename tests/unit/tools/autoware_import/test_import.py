@@ -12,8 +12,8 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.autoware.convert import convert
 from ros_diagnostics_tools.autoware.graph import GraphError, read
 from ros_diagnostics_tools.autoware.names import names_of
-from ros_diagnostics_tools.main import main
 
+IMPORT = ("import", "autoware")
 CART = {
     "main.yaml": """
 files:
@@ -99,23 +99,22 @@ def outcomes(folder: Path, text: str) -> dict[str, str]:
     return {each.where.split(": ", 1)[1]: each.text for each in made.rows}
 
 
-def run(cart: Path, *more: str) -> int:
-    package = f"cart_arm={cart}/cart_arm"
-    return main(["import", "autoware", str(cart / "main.yaml"), "--package", package, *more])
+@pytest.fixture
+def imported(cart, run):
+    """A function: what the import prints; 1, as latch, dependent and hysteresis stay behind."""
+    command = (*IMPORT, str(cart / "main.yaml"), "--package", f"cart_arm={cart}/cart_arm")
+    return lambda *more: run(*command, *more, code=1)
 
 
-def test_a_graph_of_several_files_becomes_a_profile(cart, capsys):
-    assert run(cart) == 1  # latch, dependent and hysteresis have no equivalent
-    printed = capsys.readouterr()
-    assert yaml.safe_load(printed.out) == {"fleet": "autoware", "profiles": {"autoware": PROFILE}}
-    (cart / "fleet.yml").write_text(printed.out)
-    assert main(["check-config", str(cart / "fleet.yml")]) == 0
+def test_a_graph_of_several_files_becomes_a_profile(cart, imported, run):
+    printed = imported().out
+    assert yaml.safe_load(printed) == {"fleet": "autoware", "profiles": {"autoware": PROFILE}}
+    (cart / "fleet.yml").write_text(printed)
+    run("check-config", str(cart / "fleet.yml"))
 
 
-def test_the_report_has_a_line_for_each_unit_and_each_edit(cart, capsys):
-    run(cart)
-    lines = capsys.readouterr().err.replace(f"{cart}/", "").splitlines()
-    assert lines == [
+def test_the_report_has_a_line_for_each_unit_and_each_edit(cart, imported):
+    assert imported().err.replace(f"{cart}/", "").splitlines() == [
         '  main.yaml:9: /cart/modes/tour (and): capability "tour"',
         "  main.yaml:12: -> /cart/drive (link): followed",
         "  main.yaml:13: -> /cart/arm (link): followed",
@@ -138,43 +137,39 @@ def test_the_report_has_a_line_for_each_unit_and_each_edit(cart, capsys):
     ]
 
 
-def test_the_file_is_written_once_and_overwritten_by_force_only(cart, capsys):
+def test_the_file_is_written_once_and_overwritten_by_force_only(cart, imported):
     target = cart / "fleet.yml"
-    assert run(cart, "--output-file", str(target), "--fleet", "carts", "--profile", "cart") == 1
-    assert not capsys.readouterr().out
+    written = ("--output-file", str(target))
+    assert not imported(*written, "--fleet", "carts", "--profile", "cart").out
     assert load(target).profiles["cart"].capabilities.keys() == PROFILE["capabilities"].keys()
-    assert run(cart, "--output-file", str(target)) == 1
-    assert "exists; choose another" in capsys.readouterr().err
-    assert run(cart, "--output-file", str(target), "--force") == 1
+    assert "exists; choose another" in imported(*written).err
+    imported(*written, "--force")
     assert load(target).name == "autoware"
 
 
-def test_programs_are_given_both_as_json(cart, capsys):
-    assert run(cart, "--output", "json", "--unit", "/cart/arm") == 1
-    found = json.loads(capsys.readouterr().out)
+def test_programs_are_given_both_as_json(imported):
+    found = json.loads(imported("--output", "json", "--unit", "/cart/arm").out)
     assert [*found["fleet"]["profiles"]["autoware"]["capabilities"]] == ["arm"]
     texts = [each["text"] for each in found["report"] if each["is_whole"]]
     assert "not asked for" in texts
     assert len(found["report"]) == 18
 
 
-def test_all_that_is_asked_for_being_imported_is_0(cart):
-    assert main(["import", "autoware", str(cart / "cart_arm/config/arm.yaml")]) == 1
+def test_all_that_is_asked_for_being_imported_is_0(cart, run):
+    run(*IMPORT, str(cart / "cart_arm/config/arm.yaml"), code=1)
     (cart / "one.yaml").write_text("units: [{path: /a, type: diag, node: n, name: x}]")
-    assert main(["import", "autoware", str(cart / "one.yaml")]) == 0
+    run(*IMPORT, str(cart / "one.yaml"))
 
 
-def test_packages_of_sourced_workspaces_are_found(cart, monkeypatch, capsys):
+def test_packages_of_sourced_workspaces_are_found(cart, monkeypatch, run):
     share = cart / "install/share"
     share.mkdir(parents=True)
     (cart / "cart_arm").rename(share / "cart_arm")
-    arguments = ["import", "autoware", str(cart / "main.yaml")]
-    assert main(arguments) == 2
-    assert "where is the package cart_arm? Source its workspace" in capsys.readouterr().err
+    arguments = (*IMPORT, str(cart / "main.yaml"))
+    assert "where is the package cart_arm? Source its workspace" in run(*arguments, code=2).err
     (cart / "underlay/share/cart_arm").mkdir(parents=True)  # empty: the overlay's is read
-    prefixes = f"{cart / 'install'}:{cart / 'underlay'}"
-    monkeypatch.setenv("AMENT_PREFIX_PATH", prefixes)
-    assert main(arguments) == 1
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{cart / 'install'}:{cart / 'underlay'}")
+    run(*arguments, code=1)
 
 
 DIAG = "{type: diag, node: n, name: x}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import sys
-import time
 from pathlib import Path
 from typing import Any
 from unittest.mock import ANY
@@ -20,10 +19,8 @@ DAY = 1_767_225_600  # 2026-01-01
 MOTOR = {"scope": "component", "robot": "r1", "group": "/Motor", "component": "Motor 2"}
 
 
-@pytest.fixture(autouse=True)
-def in_utc(monkeypatch):
-    monkeypatch.setenv("TZ", "UTC")
-    time.tzset()
+pytestmark = pytest.mark.usefixtures("in_utc")
+COMPARE = ("nagios", "compare")
 
 
 class Site:
@@ -62,7 +59,7 @@ class Site:
         self.log.write_bytes(b"\n".join([*self._lines, f"[{DAY + 86400}] end".encode(), b""]))
         self.events.write_text(json.dumps({"events": self._events}))
         given = ["--events", str(self.events), "--since", "2026-01-01", *options]
-        code = main(["nagios", "compare", *given, "--", *map(str, (self.log, *self.archives))])
+        code = main([*COMPARE, *given, "--", *map(str, (self.log, *self.archives))])
         return code, self._capsys.readouterr().out
 
 
@@ -243,7 +240,7 @@ def test_hosts_that_are_no_robots_and_other_kinds_are_counted_and_not_compared(s
     }
 
 
-def test_a_log_of_which_no_host_is_a_robot_here_agrees_with_nothing(site, capsys):
+def test_a_log_of_which_no_host_is_a_robot_here_agrees_with_nothing(site):
     for at in (100, 200, 300):
         site.nagios(at, "CRITICAL", "unknown;Motor")
 
@@ -317,26 +314,24 @@ def test_names_that_control_a_terminal_are_printed_harmless(site):
         (b"\x1f\x8b\x08\x00compressed", "unpack a compressed archive"),
     ],
 )
-def test_no_log_is_one_clear_error(content, error, tmp_path, capsys):
+def test_no_log_is_one_clear_error(content, error, tmp_path, run):
     log = tmp_path / "nagios.log"
     if content is not None:
         log.write_bytes(content)
     (tmp_path / "events.json").write_text('{"events": []}')
 
-    assert main(["nagios", "compare", str(log), "--events", str(tmp_path / "events.json")]) == 2
-    assert error in capsys.readouterr().err
+    assert error in run(*COMPARE, str(log), "--events", str(tmp_path / "events.json"), code=2).err
 
 
 @pytest.mark.parametrize(
     "content", ["", "[]", '{"events": [5]}', '{"events": [{"kind": "notified"}]}', "[" * 9999]
 )
-def test_no_events_are_one_clear_error(content, tmp_path, capsys):
+def test_no_events_are_one_clear_error(content, tmp_path, run):
     log, events = tmp_path / "nagios.log", tmp_path / "events.json"
     log.write_text(f"[{DAY}] start\n")
     events.write_text(content)
 
-    assert main(["nagios", "compare", str(log), "--events", str(events)]) == 2
-    assert "event" in capsys.readouterr().err
+    assert "event" in run(*COMPARE, str(log), "--events", str(events), code=2).err
 
 
 @pytest.mark.parametrize(
@@ -347,28 +342,27 @@ def test_no_events_are_one_clear_error(content, tmp_path, capsys):
         (("--service", "Motor"), "'Motor' is not SERVICE=PATTERN"),
     ],
 )
-def test_wrong_options(option, error, capsys):
-    assert main(["nagios", "compare", "nagios.log", *option]) == 2
-    assert error in capsys.readouterr().err
+def test_wrong_options(option, error, run):
+    assert error in run(*COMPARE, "nagios.log", *option, code=2).err
 
 
-def test_a_time_that_both_do_not_have_is_an_error(site, capsys):
-    assert main(["nagios", "compare", str(site.log), "--events", str(site.events)]) == 2
+def test_a_time_that_both_do_not_have_is_an_error(site, run):
+    compare = (*COMPARE, str(site.log), "--events", str(site.events))
+    run(*compare, code=2)
 
     site.run()
-    options = ["--events", str(site.events), "--since", "2027-01-01"]
-    assert main(["nagios", "compare", str(site.log), *options]) == 2
-    assert "nothing to compare: from 2027-01-01 00:00:00" in capsys.readouterr().err
+    said = run(*compare, "--since", "2027-01-01", code=2).err
+    assert "nothing to compare: from 2027-01-01 00:00:00" in said
 
 
-def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monkeypatch, capsys):
+def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monkeypatch, run):
     wanted = []
     server = serve(find_events=lambda query: wanted.append(query.kind) or [])
     text = f"[{DAY}] HOST NOTIFICATION: ops;router;DOWN;by-mail;x\n".encode()
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
 
-    assert main(["nagios", "compare", "-", "--url", f"http://{server.addresses[0]}"]) == 2
-    assert "hosts that are no robots here: 1 notif" in capsys.readouterr().out
+    said = run(*COMPARE, "-", at=server, code=2).out
+    assert "hosts that are no robots here: 1 notif" in said
     assert wanted == ["notified"]
 
 

@@ -12,7 +12,6 @@ import yaml
 
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.main import main
 from ros_diagnostics_tools.nagios.importer.convert import (
     FLEET,
     REPORT,
@@ -38,7 +37,11 @@ def made() -> Converted:
 
 @pytest.fixture(scope="module")
 def fleet(made, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fleet")
+    return loaded(made, tmp_path_factory.mktemp("fleet"))
+
+
+def loaded(made: Converted, folder: Path):
+    """The fleet that was made, from its file in this folder."""
     (folder / FLEET).write_text(made.texts[FLEET])
     return load(folder / FLEET)
 
@@ -244,9 +247,8 @@ def test_numbers_are_read_as_nagios_reads_them(tmp_path, attempts, retry, second
     line = service("Motor", 6).replace("attempts 6", f"attempts {attempts}")
     path.write_text(RULES + line.replace("interval 1", f"interval {retry}"))
     made = convert([path], OPTIONS)
-    (tmp_path / FLEET).write_text(made.texts[FLEET])
 
-    (profile,) = load(tmp_path / FLEET).profiles.values()
+    (profile,) = loaded(made, tmp_path).profiles.values()
     found = profile.components[0] if profile.components else profile
     assert found.confirm_after == seconds
     for key, value in (("max_check_attempts", attempts), ("retry_interval", retry)):
@@ -414,9 +416,7 @@ def test_components_without_a_service_of_their_own(tmp_path, services, seconds):
     path = tmp_path / "objects.cfg"
     path.write_text(RULES + "".join(service(*each) for each in services))
 
-    (tmp_path / FLEET).write_text(convert([path], OPTIONS).texts[FLEET])
-
-    (profile,) = load(tmp_path / FLEET).profiles.values()
+    (profile,) = loaded(convert([path], OPTIONS), tmp_path).profiles.values()
     assert profile.components[-1].pattern.pattern == ".*"
     assert profile.components[-1].confirm_after == seconds
 
@@ -426,9 +426,7 @@ def test_intervals_are_in_the_time_unit_of_the_main_file(tmp_path):
     path = tmp_path / "nagios.cfg"
     path.write_text("cfg_file=objects.cfg\ninterval_length=10\n")
 
-    (tmp_path / FLEET).write_text(convert([path], OPTIONS).texts[FLEET])
-
-    (profile,) = load(tmp_path / FLEET).profiles.values()
+    (profile,) = loaded(convert([path], OPTIONS), tmp_path).profiles.values()
     assert profile.components[-1].confirm_after == 50
 
 
@@ -455,8 +453,7 @@ def test_an_argument_that_the_host_says_too_is_translated_with_its_option(tmp_pa
     (tmp_path / "objects.cfg").write_text(host + commands + check)
     (tmp_path / "nagios.cfg").write_text("cfg_file=objects.cfg\n")
     made = convert([tmp_path / "nagios.cfg"], OPTIONS)
-    (tmp_path / FLEET).write_text(made.texts[FLEET])
-    assert [each.namespace for each in load(tmp_path / FLEET).robots] == ["/amr01"]
+    assert [each.namespace for each in loaded(made, tmp_path).robots] == ["/amr01"]
     (line,) = [each for each in made.texts[REPORT].splitlines() if "plug-in's arguments" in each]
     assert line.endswith("arguments: -v")
 
@@ -536,48 +533,34 @@ def changed(line: str, directive: Directive) -> str:
 # -- the command -----------------------------------------------------------------------------
 
 
-def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
-    command = [
-        "nagios",
-        "import",
-        str(SITE / "nagios.cfg"),
-        "--to",
-        str(tmp_path / "new"),
-        "--fleet",
-        "hall",
-    ]
+IMPORT = ("nagios", "import")
 
-    assert main(command) == 0
+
+def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, run):
+    command = (*IMPORT, str(SITE / "nagios.cfg"), "--to", str(tmp_path / "new"), "--fleet", "hall")
+
     written = "3 robots; fleet.yml, queries.d/hosts.yml, alertmanager-routes.yml, report.txt"
-    assert written in capsys.readouterr().out
+    assert written in run(*command).out
     assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
         (FLEET, "queries.d", ROUTES, REPORT)
     )
     (tmp_path / "new" / REPORT).unlink()  # one file that is there is enough
-    assert main(command) == 1
-    assert "overwrite them with --force" in capsys.readouterr().err
-    assert main([*command, "--force"]) == 0
+    assert "overwrite them with --force" in run(*command, code=1).err
+    run(*command, "--force")
 
 
-def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, capsys):
-    command = [
-        "nagios",
-        "import",
-        str(SITE / "nagios.cfg"),
-        "--to",
-        str(tmp_path),
-        "--plugin",
-        "check_other*",
-    ]
+def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, run):
+    other = ("--to", str(tmp_path), "--plugin", "check_other*")
 
-    assert main(command) == 1  # nobody is notified of what Nagios checks
-    assert "name the ROS plug-in with --plugin" in capsys.readouterr().err
+    said = run(*IMPORT, str(SITE / "nagios.cfg"), *other, code=1).err  # nobody is notified
+
+    assert "name the ROS plug-in with --plugin" in said
     assert load(tmp_path / FLEET).robots == ()
 
 
-def test_files_that_nagios_rejects_write_nothing(tmp_path, capsys):
+def test_files_that_nagios_rejects_write_nothing(tmp_path, run):
     (tmp_path / "bad.cfg").write_text("define host {\nuse nowhere\nhost_name a\n}\n")
 
-    assert main(["nagios", "import", str(tmp_path / "bad.cfg"), "--to", str(tmp_path / "new")]) == 1
-    assert "bad.cfg:1: use nowhere" in capsys.readouterr().err
+    said = run(*IMPORT, str(tmp_path / "bad.cfg"), "--to", str(tmp_path / "new"), code=1).err
+    assert "bad.cfg:1: use nowhere" in said
     assert not (tmp_path / "new").exists()
