@@ -1,7 +1,5 @@
 """What all tests share: a ROS domain and ports of their own, programs that end with the test."""
 
-from __future__ import annotations
-
 import logging
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """For each end-to-end test a running stack: virtual robots, exporter, servers and mail."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Each robot has its bridge in a network of its own; the office has exporter, Prom
 Alertmanager and mail. Bridges and router are the real ones.
 """
 
-from __future__ import annotations
-
 import json
 import mailbox
 import subprocess

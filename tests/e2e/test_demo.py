@@ -1,7 +1,5 @@
 """`./run demo` as a person or a script starts it: what it prints, how it ends, what it leaves."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

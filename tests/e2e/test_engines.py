@@ -5,8 +5,6 @@ the folder $PROMETHEUS_3) with concurrent evaluation, and on vmalert over Victor
 Prometheus in PATH the rule scenarios play them.
 """
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -4,8 +4,6 @@ The servers' configuration below is what such sites have; each piece goes, as te
 that its first line names.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable, Iterator

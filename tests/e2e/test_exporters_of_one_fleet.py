@@ -1,7 +1,5 @@
 """An exporter for each subnet of one fleet: two names, two DDS domains, one Prometheus."""
 
-from __future__ import annotations
-
 import pytest
 
 from support.orders import Orders

@@ -4,8 +4,6 @@ Each site has robots, an exporter and a Prometheus with the shipped configuratio
 `remote_write`; the centre is a Prometheus, or VictoriaMetrics with vmalert.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import textwrap

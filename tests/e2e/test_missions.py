@@ -1,7 +1,5 @@
 """A robot that fails to dock, from its action server of rclpy to the mails, across restarts."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

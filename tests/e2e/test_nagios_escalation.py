@@ -1,7 +1,5 @@
 """When an escalation begins, in the distribution's Nagios and in what `nagios import` says."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`ros-diagnostics nagios import` reads Nagios' files as the distribution's Nagios does."""
 
-from __future__ import annotations
-
 import getpass
 import grp
 import os

@@ -1,7 +1,5 @@
 """The past in Prometheus: a recording's faults found by a query, a recording judged by queries."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -3,8 +3,6 @@
 node_exporter reads a folder in place of /proc, so that the test says what the load is.
 """
 
-from __future__ import annotations
-
 import os
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Topics of many drivers side by side, published by rclpy: fault, mail and recovery of each."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The weekly report on a real Prometheus: availability as dashboards have it, mailed by SMTP."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """A Prometheus that is killed in a fault and started after its repair sends nothing about it."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator

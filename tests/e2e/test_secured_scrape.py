@@ -1,7 +1,5 @@
 """A real Prometheus scrapes the real exporter over TLS with basic auth, and uses its discovery."""
 
-from __future__ import annotations
-
 import base64
 import json
 import ssl

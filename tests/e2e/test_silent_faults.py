@@ -1,7 +1,5 @@
 """Silent faults of real nodes, from what is done to them to the mail, across bad networks."""
 
-from __future__ import annotations
-
 import pytest
 
 from experiments import silent

@@ -1,7 +1,5 @@
 """A robot without diagnostics, from its topics to the mails: its battery, its log, its end."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

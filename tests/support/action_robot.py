@@ -4,8 +4,6 @@ It takes a line for each thing on standard input: a step of virtual_robots.simul
 as ``begin`` or ``abort``, and the action's name.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

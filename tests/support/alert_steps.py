@@ -1,7 +1,5 @@
 """The steps of "Add an alert" in CONTRIBUTING.md that an alert lacks, as sentences."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A cluster of two Alertmanagers, started as in docs/notifications.md."""
 
-from __future__ import annotations
-
 from testbed import http
 
 PEER_TIMEOUT = 2  # seconds that the second waits for the first, as docs/notifications.md says

@@ -1,7 +1,5 @@
 """Alerts sent to an Alertmanager, as Prometheus sends them."""
 
-from __future__ import annotations
-
 import json
 import urllib.request
 from typing import Any

@@ -1,7 +1,5 @@
 """What the exporter reads of the JSON that Alertmanager lists."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ros_diagnostics_exporter import acknowledging, firing, silences

@@ -1,7 +1,5 @@
 """Recordings made for tests: a robot's arrays at given seconds, in a bag or as JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

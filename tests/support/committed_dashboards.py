@@ -1,7 +1,5 @@
 """The committed dashboards and their queries."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

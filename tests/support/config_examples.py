@@ -1,7 +1,5 @@
 """A whole fleet.yml for each key that there is, with the example that its description has."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

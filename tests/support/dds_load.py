@@ -3,8 +3,6 @@
 A process of its own, so that what it costs is not the exporter's. It ends by itself.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 

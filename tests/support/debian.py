@@ -8,8 +8,6 @@ What is installed comes from where this machine's own packages come from: its De
 settings of apt and pip, its certificates.
 """
 
-from __future__ import annotations
-
 import configparser
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Every kind of alert as Prometheus sends it: from the expectations of the promtool tests."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -3,8 +3,6 @@
 Each piece of the page goes, as text, under the key that its first line names.
 """
 
-from __future__ import annotations
-
 import re
 import textwrap
 

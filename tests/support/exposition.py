@@ -1,7 +1,5 @@
 """What an exporter serves at /metrics."""
 
-from __future__ import annotations
-
 from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.samples import Sample
 

@@ -4,8 +4,6 @@ Each history runs three times: as written, with time advanced second by second, 
 engine restored from the written rows before each event. All three must give the same changes.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
 from itertools import cycle

@@ -4,8 +4,6 @@ Written from the rules and not from the engine, for tests that compare the two. 
 events or rows, and knows nothing of larger faults: `test_invariants` says what holds of those.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from datetime import datetime
 from statistics import linear_regression

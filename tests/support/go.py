@@ -1,7 +1,5 @@
 """Go, for tools that are published as its modules."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

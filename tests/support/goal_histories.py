@@ -3,8 +3,6 @@
 The recount is brute force: it has all lists before it, and asks of each id in which of them it is.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Lists of goals as an action server sends them, without ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from struct import pack
 

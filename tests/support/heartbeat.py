@@ -1,7 +1,5 @@
 """The address outside of the site: an HTTP server that notes when it was posted to."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

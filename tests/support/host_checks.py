@@ -1,7 +1,5 @@
 """Real node_exporter and blackbox_exporter as the distribution packages them; jobs for them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ Connections that the server closes are opened again at once, so their number sta
     python hostile_clients.py PORT NUMBER SOURCE PATH
 """
 
-from __future__ import annotations
-
 import select
 import socket
 import sys

@@ -4,8 +4,6 @@ One authority signs identities, governance and permissions; file names, curve an
 those of sros2 0.13.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stand-ins of launch and launch_ros, which are not among the wheels of ROS."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A network link between two programs, which can be cut."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Coroutine

@@ -1,7 +1,5 @@
 """Small servers on a port of this machine, in threads of their own."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

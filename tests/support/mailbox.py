@@ -1,7 +1,5 @@
 """Mails that were sent, and those that were not."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

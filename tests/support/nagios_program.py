@@ -1,7 +1,5 @@
 """The distribution's Nagios 4, with all of its files in one folder."""
 
-from __future__ import annotations
-
 import getpass
 import grp
 import os

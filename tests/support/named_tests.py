@@ -1,7 +1,5 @@
 """Tests that pages and lists name: whether they exist, with the names of their cases."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -5,8 +5,6 @@ Network and folders of its own (Linux namespaces): the documented ports and path
 left behind. A copy of the checkout is the folder in which the commands run.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The samples of docs/reference/mails.md, between `<!-- samples -->` and `<!-- end -->`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """What makes the shipped alertmanager.yml one with people on call, as docs/on-call.md says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 MARKER = "    - {matchers: [severity = critical], receiver: on-call, continue: true}\n"

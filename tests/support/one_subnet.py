@@ -1,7 +1,5 @@
 """Three robots and an exporter in namespaces of one subnet, with a /dev/shm of their own."""
 
-from __future__ import annotations
-
 import json
 import sys
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """A Prometheus that has only what was recorded elsewhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from testbed import servers

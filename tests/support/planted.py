@@ -1,7 +1,5 @@
 """A copy of the exporter, or of the checkout, with a mistake in it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

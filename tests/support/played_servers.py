@@ -1,7 +1,5 @@
 """An exporter and an Alertmanager in place of the client of ``ros-diagnostics``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 from urllib.parse import parse_qs

@@ -1,7 +1,5 @@
 """Podman with its images in a folder, on a machine without systemd and with low limits; as root."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a run of the tests is doing, in a line each half minute: a run that hangs names its test."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The receivers of docs/receivers.md, beside the shipped ones."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

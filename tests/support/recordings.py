@@ -1,7 +1,5 @@
 """The recordings of the real diagnostic_aggregator, as the exporter's nouns."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -8,8 +8,6 @@ late; it may be replaced at any time.
     python relay.py CONTROL SEED HOST...
 """
 
-from __future__ import annotations
-
 import fcntl
 import heapq
 import os

@@ -1,7 +1,5 @@
 """Publishes arrays on real topics, from the test process itself."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

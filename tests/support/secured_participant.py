@@ -7,8 +7,6 @@ which it may read, and how many publishers its subscription of the first one mat
 has one participant: of two, Cyclone DDS 0.10 judges the second by the rights of the first.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import signal

@@ -4,8 +4,6 @@ The state, the exposition and the exporter's own metrics are the real ones; only
 would bring comes from a function that is called with the clocks at each scrape.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator

@@ -1,7 +1,5 @@
 """The shipped rules and their tools."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from functools import cache

@@ -1,7 +1,5 @@
 """Silences of ros-diagnostics ack as Alertmanager lists them."""
 
-from __future__ import annotations
-
 from datetime import datetime, timezone
 
 from ros_diagnostics_exporter.acknowledging import Acknowledgeable, silence

@@ -1,7 +1,5 @@
 """Simulated fleets for tests, and access to their outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a run skipped and why, and which tests may be (`--no-skips`): tests/allowed_skips.yml."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Text messages sent by Alertmanager's sns_configs to moto's server instead of Amazon SNS."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -4,8 +4,6 @@ All of it is in one namespace of users, networks and mounts: it needs no root wh
 users make these, collides with nothing on this machine, and is gone with its first process.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

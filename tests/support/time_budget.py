@@ -1,7 +1,5 @@
 """What part of the time of all tests each folder takes, against tests/time_budget.yml."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 

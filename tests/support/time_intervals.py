@@ -3,8 +3,6 @@
 Source: ContainsTime in timeinterval/timeinterval.go of Alertmanager 0.25; the fields that are used.
 """
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta, timezone
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The shipped alertmanager.yml with what it has in comments."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

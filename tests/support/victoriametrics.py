@@ -1,7 +1,5 @@
 """VictoriaMetrics, and vmalert that evaluates rules with it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from testbed import programs

@@ -1,7 +1,5 @@
 """A web server on a fake backend: the web is tested without ROS and without the state."""
 
-from __future__ import annotations
-
 import http.client
 import socket
 import ssl

@@ -3,8 +3,6 @@
 A bridge declares the tokens that zenoh-bridge-ros2dds 1.10.2 does (its liveliness_mgt.rs).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 

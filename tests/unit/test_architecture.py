@@ -3,8 +3,6 @@
 docs/architecture.md says why. A new module gets a line in LAYERS, at its place.
 """
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from collections.abc import Iterator

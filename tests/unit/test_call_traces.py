@@ -1,7 +1,5 @@
 """What a message and a scrape cost in calls and files does not grow unnoticed."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

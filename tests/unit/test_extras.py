@@ -1,7 +1,5 @@
 """Without a library of an extra, a sentence names the command that installs it."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

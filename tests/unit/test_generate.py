@@ -1,7 +1,5 @@
 """The generated files are current, and `./run generate` writes and names those that are not."""
 
-from __future__ import annotations
-
 import pytest
 
 import generate

@@ -1,7 +1,5 @@
 """The HTTP client: one time limit from connecting to the last byte, and no redirects."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

@@ -1,7 +1,5 @@
 """packaging/locks pin what pyproject.toml asks for; `./run lock` writes them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

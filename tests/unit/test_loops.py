@@ -1,7 +1,5 @@
 """The one kind of thread: what fails or hangs is counted, and ends nothing."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 

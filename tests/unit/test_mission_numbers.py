@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.mission_numbers import (

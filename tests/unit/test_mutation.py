@@ -1,7 +1,5 @@
 """lab/mutation: mutants of `except` clauses, and what `./run mutate` leaves out."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

@@ -1,7 +1,5 @@
 """Unit tests find mistakes: each that is planted in a package makes the named test fail."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import PurePosixPath

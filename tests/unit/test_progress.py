@@ -1,7 +1,5 @@
 """The line that says what a run of the tests is doing."""
 
-from __future__ import annotations
-
 from support.progress import INTERVAL, MOST, Progress
 
 

@@ -1,7 +1,5 @@
 """exporter/package.xml and setup.py, for colcon and bloom, say what pyproject.toml says."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 import xml.etree.ElementTree as ET

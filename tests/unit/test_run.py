@@ -3,8 +3,6 @@
 The scripts are the shipped ones, with a temporary folder in place of /usr/sbin.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The arithmetic of docs/scaling.md."""
 
-from __future__ import annotations
-
 import pytest
 
 from bench import scaling

@@ -1,7 +1,5 @@
 """`--no-skips`: a skipped test fails the run, unless tests/allowed_skips.yml has its reason."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

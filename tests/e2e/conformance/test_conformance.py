@@ -1,7 +1,5 @@
 """This project notifies as the distribution's Nagios does, but for what differs on purpose."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The shipped rules and routes, on real servers, notify as the distribution's Nagios does."""
 
-from __future__ import annotations
-
 import pytest
 
 from conformance import nagios, stack

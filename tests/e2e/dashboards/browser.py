@@ -1,7 +1,5 @@
 """A real Grafana with the shipped dashboards, and Chromium to look at them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterator

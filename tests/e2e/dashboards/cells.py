@@ -6,8 +6,6 @@ milliseconds) or `nan`. A cell after `? ` may be missing. The label `instance` i
 exporters only, whose addresses get the names of their fleets.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import time

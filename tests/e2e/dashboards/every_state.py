@@ -3,8 +3,6 @@
 Each robot is named after its state. The files in cells/ have what the dashboards must show.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The samples are those that the rules would have recorded in the hours before the
 an hour before its start, when the reports are queried. The tests of the rules cover the recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

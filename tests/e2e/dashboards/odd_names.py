@@ -1,7 +1,5 @@
 """A fleet whose robot and component have names that break links and queries unless encoded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.load import load

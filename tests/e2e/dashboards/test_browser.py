@@ -1,7 +1,5 @@
 """The dashboards in a real Grafana, seen in Chromium: texts, colours, links, a dead monitoring."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Every expression of every panel, annotation and variable returns the expected cells."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """The fleet of every_state.py with a real Prometheus and Alertmanager."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Writes docs/reference/a-day.md: events, and when each mail and text message arrived."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 
 from e2e.day.plan import CONFIRM, DAY, ESCALATE, EXPECTED, LATE

@@ -5,8 +5,6 @@ expected messages and docs/reference/a-day.md. The day lasts some minutes: fleet
 have short durations.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from datetime import datetime, timezone

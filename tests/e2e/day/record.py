@@ -1,7 +1,5 @@
 """The day's messages as the exporter recorded them, and what each mail and text message is of."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A site with the day's short durations, and what the day's events do to its servers."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

@@ -5,8 +5,6 @@ What the exporter recorded of them equals the mailbox and the text messages, lin
 A_DAY=docs/reference/a-day.md writes the day as a page.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Iterator

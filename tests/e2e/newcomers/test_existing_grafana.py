@@ -1,7 +1,5 @@
 """docs/existing-servers.md: the dashboards, added to a Grafana that has others and a default."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """An integrator, who knows ROS and not Prometheus, follows docs/first-robot.md to a mail."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

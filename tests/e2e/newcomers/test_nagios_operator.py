@@ -1,7 +1,5 @@
 """A Nagios operator keeps Nagios: the plug-in of docs/deployment.md, Nagios' mail and its log."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

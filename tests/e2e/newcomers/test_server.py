@@ -1,7 +1,5 @@
 """The files of docs/server.md are where the servers look, and an upgrade replaces ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

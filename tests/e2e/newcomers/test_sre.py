@@ -1,7 +1,5 @@
 """An SRE adds robots to servers that exist: docs/deployment.md, then docs/existing-servers.md."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A site whose files were edited upgrades as docs/deployment.md says, and keeps its edits."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The acknowledgement command against a real Alertmanager; alerts are as the rules make them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """The canary comes back through real servers; if not, the heartbeat to the outside stops."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

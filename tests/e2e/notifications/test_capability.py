@@ -1,7 +1,5 @@
 """What a robot can do gets worse and better: one mail for each change, through all real servers."""
 
-from __future__ import annotations
-
 import signal
 from pathlib import Path
 from typing import Any

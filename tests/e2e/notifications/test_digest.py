@@ -1,7 +1,5 @@
 """The digest of warnings: the shipped routes, with short times, on a real Alertmanager."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta, timezone
 from typing import Any
 

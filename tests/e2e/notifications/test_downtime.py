@@ -1,7 +1,5 @@
 """A downtime from the command through Alertmanager and exporter to page, commands and mail."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from pathlib import Path

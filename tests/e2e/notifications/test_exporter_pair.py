@@ -3,8 +3,6 @@
 With the shipped rules and their clocks: no mail about a robot is lost, none is sent twice.
 """
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

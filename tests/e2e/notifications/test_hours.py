@@ -1,7 +1,5 @@
 """A team with notifications in working hours only: the shipped route, enabled, on a real server."""
 
-from __future__ import annotations
-
 import time
 from datetime import datetime, timedelta, timezone
 from typing import Any

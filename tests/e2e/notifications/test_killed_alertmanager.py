@@ -1,7 +1,5 @@
 """An Alertmanager that is killed remembers what it wrote of its notifications, and no more."""
 
-from __future__ import annotations
-
 import pytest
 
 from support.alerts import fault, post_alerts

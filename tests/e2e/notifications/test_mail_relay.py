@@ -1,7 +1,5 @@
 """Alertmanager's mail about a fault, with what the robot published around its begin."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import closing
 from pathlib import Path

@@ -4,8 +4,6 @@ docs/reference/mails.md shows some of them: `pytest --update` on this file rewri
 the HTML of which tools/mail_pictures.py makes pictures.
 """
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Callable, Iterator

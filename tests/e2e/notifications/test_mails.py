@@ -1,7 +1,5 @@
 """From what is wrong with the exporter to the operator's inbox, by all real servers."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -4,8 +4,6 @@ Alertmanager's hours have minutes, and its clock is the real one. So handovers a
 next full minutes, and `zic` makes zones whose clocks change then.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

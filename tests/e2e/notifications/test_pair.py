@@ -1,7 +1,5 @@
 """A pair of Alertmanagers of which one is killed: no mail is lost, none is sent twice."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

@@ -1,7 +1,5 @@
 """What docs/receivers.md shows, on a real Alertmanager that posts to a server of this test."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from http.server import BaseHTTPRequestHandler

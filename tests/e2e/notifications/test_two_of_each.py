@@ -4,8 +4,6 @@ Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no ma
 is sent twice but of faults during which the mail server was down, when both Alertmanagers retry.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections import Counter
 from typing import Any

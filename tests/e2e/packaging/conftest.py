@@ -1,7 +1,5 @@
 """What is made once for the tests of packages: a Debian 12, and the Debian package."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

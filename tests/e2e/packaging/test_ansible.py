@@ -1,7 +1,5 @@
 """docs/install-ansible.md: the role on a Debian 12 that has booted with systemd, and its style."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

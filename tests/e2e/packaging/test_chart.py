@@ -1,7 +1,5 @@
 """packaging/chart: built by helm, checked against Kubernetes' schemas and what else is shipped."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

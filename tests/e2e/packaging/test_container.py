@@ -4,8 +4,6 @@ Podman keeps its images in a folder of the test. Containers run in namespaces of
 network of their "host" is the loopback device.
 """
 
-from __future__ import annotations
-
 import json
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """docs/install-debian.md: the package on a Debian 12 of its own that has booted with systemd."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """packaging/kubernetes: built, checked against the published schemas, the pod's command run."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

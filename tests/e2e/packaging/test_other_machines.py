@@ -1,7 +1,5 @@
 """Machines for which the package index has no ROS: all else that is pinned has wheels for them."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Packaging: the wheel and the sdist, the systemd unit, the Containerfile, compose.yaml."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """``packaging/release``: what a release consists of, with the same bytes each time."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """.github/workflows: they call the project's own entry points, and actionlint accepts them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

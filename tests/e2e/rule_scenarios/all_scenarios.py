@@ -1,7 +1,5 @@
 """All rule scenarios; they run at the same time, each on its own robots."""
 
-from __future__ import annotations
-
 from e2e.rule_scenarios.components import COMPONENTS, VALUES
 from e2e.rule_scenarios.robots import FLEETS, NETWORK, ROBOTS
 

@@ -3,8 +3,6 @@
 They break different components, so that no common cause fires.
 """
 
-from __future__ import annotations
-
 from e2e.rule_scenarios.scenario import BEGIN, Scenario, critical, in_trouble, rank, step, warning
 
 WORSENS = (warning("worsens", "Motor 1"), critical("worsens", "Motor 1"))

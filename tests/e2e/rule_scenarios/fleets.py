@@ -4,8 +4,6 @@ All robots are in one process and one ROS domain. Each fleet has its own exporte
 scenarios in which an exporter or half of a fleet stops do not disturb the others.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 The series have a sample each second, and rules are evaluated less often: no alert is missed.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Scenarios of whole robots, the network, exporters and a fleet of fifty."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from e2e.rule_scenarios.fleets import EAST, WEST

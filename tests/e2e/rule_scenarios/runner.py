@@ -3,8 +3,6 @@
 The result is plain data, written to a file for the tests, which may run in other processes.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ on a busy machine too. Alerts that fired in between are read from the series ALE
 run. Alerts are written as `NAME ROBOT WHAT`, without the prefix RosDiagnostics.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 Alerts = frozenset[str]

@@ -5,8 +5,6 @@ fleet, blackbox_exporter, Prometheus and Alertmanager. Hosts are probed at a TCP
 ping, because a port can be closed.
 """
 
-from __future__ import annotations
-
 import signal
 import socketserver
 import urllib.request

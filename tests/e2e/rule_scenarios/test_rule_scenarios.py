@@ -7,8 +7,6 @@ PROMETHEUS=/path/to/prometheus runs them on another release.
 The first process of the test run that needs them runs them; the others read its result.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

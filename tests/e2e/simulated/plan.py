@@ -4,8 +4,6 @@ A tick of the simulation, a minute, is two seconds here: thirty times as fast. S
 durations; Prometheus' and Alertmanager's configuration is as shipped.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from datetime import datetime, timezone

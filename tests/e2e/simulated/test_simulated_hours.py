@@ -1,7 +1,5 @@
 """Three hours of the simulation on real servers: the mailbox has the mails of its ledger."""
 
-from __future__ import annotations
-
 import re
 import signal
 import time

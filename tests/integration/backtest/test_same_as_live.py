@@ -1,7 +1,5 @@
 """A bag recorded beside the running exporter gives the faults that the exporter recorded."""
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

@@ -1,7 +1,5 @@
 """A listener on real topics, and the command under test."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable, Iterator

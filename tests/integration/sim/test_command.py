@@ -1,7 +1,5 @@
 """`virtual-robots` over real DDS."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """One participant for all, one a robot, one domain a robot; and who leaves the graph when."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What virtual robots have beside diagnostics, on real topics: messages of any type, and goals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

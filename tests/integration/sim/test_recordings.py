@@ -1,7 +1,5 @@
 """Recorded over real DDS and played again: the same messages."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """A running exporter in the test process, without its web server."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An exporter whose network changes receives its robots again, and blames none of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The exporter builds in a colcon workspace and is found there."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """A participant that has become deaf to one robot, on real DDS."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter import comparing, joining

@@ -1,7 +1,5 @@
 """What every source of topics does, whichever way they come: order, silence, reload, limits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

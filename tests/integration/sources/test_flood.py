@@ -1,7 +1,5 @@
 """One publisher floods a real exporter over real DDS: the other robots stay up and fresh."""
 
-from __future__ import annotations
-
 import re
 import sys
 import time

@@ -1,7 +1,5 @@
 """The goals of real action servers over real DDS: counted, judged, recorded, restarted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

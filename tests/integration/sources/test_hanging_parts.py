@@ -1,7 +1,5 @@
 """A part of a running exporter hangs or fails: it is named, and the others go on."""
 
-from __future__ import annotations
-
 import os
 import threading
 

@@ -1,7 +1,5 @@
 """A robot that sends what no robot should, over real DDS, harms no other."""
 
-from __future__ import annotations
-
 import pytest
 from rich.console import Console
 

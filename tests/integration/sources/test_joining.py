@@ -1,7 +1,5 @@
 """Domains are joined and worked on beside each other: one that hangs stops no other."""
 
-from __future__ import annotations
-
 import re
 import sys
 import threading

@@ -1,7 +1,5 @@
 """What is received, and what is logged where nothing can be, on real DDS."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

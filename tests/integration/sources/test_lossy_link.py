@@ -1,7 +1,5 @@
 """A robot on another host, and a network between that loses packets."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Memory of a subscribed topic before anything arrives, of the sockets, and what is freed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Names that rclpy cannot read, which anybody in a domain can make: the others are received."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Robot, Source

@@ -1,7 +1,5 @@
 """After a standstill, a kill, trouble with /dev/shm, a link that was down all is received again."""
 
-from __future__ import annotations
-
 import signal
 import time
 from collections.abc import Callable, Iterator

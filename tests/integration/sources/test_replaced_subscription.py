@@ -1,7 +1,5 @@
 """A subscription that is replaced loses no message, of whatever quality its publisher is."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source

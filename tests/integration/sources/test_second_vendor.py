@@ -1,7 +1,5 @@
 """Robots whose middleware is Eclipse Cyclone DDS: received, seen in the graph, and judged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

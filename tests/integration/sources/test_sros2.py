@@ -4,8 +4,6 @@ The wheels of ROS have no DDS security compiled in, so that the participant is n
 decides are the files of the enclave, which are the same for all middlewares.
 """
 
-from __future__ import annotations
-
 import ctypes
 import datetime as dt
 import json

@@ -1,7 +1,5 @@
 """Fields of small topics over real DDS: what robots without diagnostics publish is judged."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

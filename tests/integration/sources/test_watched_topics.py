@@ -1,7 +1,5 @@
 """What nodes log, and say of their life cycle, parameters and a battery, over real DDS."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import Counter

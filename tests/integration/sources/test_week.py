@@ -1,7 +1,5 @@
 """The families of the week are of the exporter's own event log."""
 
-from __future__ import annotations
-
 import time
 
 from ros_diagnostics_exporter.api import week

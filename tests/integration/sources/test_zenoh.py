@@ -1,7 +1,5 @@
 """Robots behind bridges and a router: what is received, and why nothing is."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Robot, Zenoh

@@ -1,7 +1,5 @@
 """The goals of robots that zenoh alone reaches: by the real bridge, and as rmw_zenoh has them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The real bridge and the real router, with both configs of docs/beyond-the-lan.md over TLS."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

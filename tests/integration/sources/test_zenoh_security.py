@@ -1,7 +1,5 @@
 """Routers with TLS and with clients' certificates; that of docs/beyond-the-lan.md, without TLS."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """A real exporter as a process of its own, with virtual robots on real DDS."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import urllib.request

@@ -1,7 +1,5 @@
 """Forms of the real exporter at a real Alertmanager: acknowledge a fault, plan a downtime."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """The exporter as a command: its flags, exit codes and notifications to systemd."""
 
-from __future__ import annotations
-
 import json
 import socket
 import urllib.request

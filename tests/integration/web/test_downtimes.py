@@ -1,7 +1,5 @@
 """A real exporter, and an Alertmanager that has a downtime and then does not answer."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """A fault of the real program: its recording, and its page after a restart."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import urllib.request

@@ -1,7 +1,5 @@
 """No file harms the exporter: special, hanging and damaged files."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 import sys

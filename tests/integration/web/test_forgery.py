@@ -1,7 +1,5 @@
 """Forged diagnostics, as SECURITY.md describes them: accepted, and visible in the metrics."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.model import Level, Status

@@ -1,7 +1,5 @@
 """A pair of exporters at a real Alertmanager: what one forgets, the other forgets."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -3,8 +3,6 @@
 They reconnect when they are closed. Each process stays below 1,024 open files.
 """
 
-from __future__ import annotations
-
 import base64
 import gzip
 import re

@@ -1,7 +1,5 @@
 """A real exporter that is killed, with a real publisher whose levels change all the time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any

@@ -1,7 +1,5 @@
 """The exporter's pages in Chromium: accessible by axe-core, and renewed without losing focus."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """A pause of the exporter's process is no behaviour of the robots."""
 
-from __future__ import annotations
-
 import signal
 import time
 

@@ -1,7 +1,5 @@
 """Slow and hostile clients of the real exporter, while robots publish."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 

@@ -1,7 +1,5 @@
 """The expressions of capabilities as the API shows them, with the state of each part."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.api.capabilities import capability_tree

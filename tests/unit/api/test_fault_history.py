@@ -1,7 +1,5 @@
 """The history: which faults it is of, and what of the events belongs to it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Each time that a fault lasted, from the events of the log in any order."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from typing import Any
 

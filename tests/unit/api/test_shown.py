@@ -1,7 +1,5 @@
 """One line for what is wrong with a component: the worst of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot

@@ -1,7 +1,5 @@
 """What the API shows of the state, and in which words."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

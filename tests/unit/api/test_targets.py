@@ -1,7 +1,5 @@
 """Robots with an address become targets of Prometheus."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import targets

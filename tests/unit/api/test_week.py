@@ -1,7 +1,5 @@
 """The numbers of a week from the event log, recounted second by second."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime

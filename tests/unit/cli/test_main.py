@@ -1,7 +1,5 @@
 """What the flags become: clients, retention, and what a check of the config looks at."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What systemd is notified of, by a socket in its place."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

@@ -1,7 +1,5 @@
 """The fleet.yml of the Debian package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.load import load

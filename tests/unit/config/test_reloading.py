@@ -1,7 +1,5 @@
 """The config is read in a thread of its own, so a file that hangs delays nothing else."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

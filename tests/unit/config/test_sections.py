@@ -1,7 +1,5 @@
 """Sections of one or two keys: what --config.check says of them, and of another value."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.check import describe

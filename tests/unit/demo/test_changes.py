@@ -1,7 +1,5 @@
 """Each change between two snapshots is one line."""
 
-from __future__ import annotations
-
 import pytest
 
 from demo.snapshot import Alert, Problem, RobotStatus, Snapshot, changes

@@ -1,7 +1,5 @@
 """Wrong usage of `./run demo`: an error before anything is started."""
 
-from __future__ import annotations
-
 import pytest
 
 from demo.__main__ import main

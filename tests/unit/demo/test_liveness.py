@@ -1,7 +1,5 @@
 """A program that ends is reported at once, and ends the demo if nobody starts it again."""
 
-from __future__ import annotations
-
 import http.server
 import threading
 

@@ -1,7 +1,5 @@
 """What README.md and docs/architecture.md show and name exists, and works as shown."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sysconfig

@@ -1,7 +1,5 @@
 """The demo reports programs that ended; here with programs that do nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The demo's output: problems in the table, and whole mails."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

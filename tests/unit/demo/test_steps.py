@@ -1,7 +1,5 @@
 """The steps wait for their mails, and exactly these must arrive."""
 
-from __future__ import annotations
-
 import pytest
 
 from demo.__main__ import ROBOTS, WHOLE

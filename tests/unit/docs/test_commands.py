@@ -1,7 +1,5 @@
 """Flags and subcommands of `ros-diagnostics` that the pages name exist."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every code block of the pages is tried here; examples.yml has what others run and what none."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sysconfig

@@ -1,7 +1,5 @@
 """Links of the documentation lead somewhere, and each claim names a test that exists."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """No page gets harder to read than it was, by the counts of tools/readability.py."""
 
-from __future__ import annotations
-
 import pytest
 
 import readability

@@ -1,7 +1,5 @@
 """The site of the documentation is built without a warning and takes nothing from elsewhere."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What people read of the product has the words of docs/glossary.md, and none that it retires."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What the owner of a robot installs for zenoh: one config, by a unit or by a container."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

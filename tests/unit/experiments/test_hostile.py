@@ -1,7 +1,5 @@
 """A bound of an attack that does not hold fails the bench."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """The scenario of a soak test is one that the virtual robots accept; its report counts."""
 
-from __future__ import annotations
-
 import csv
 import json
 

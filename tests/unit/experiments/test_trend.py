@@ -1,7 +1,5 @@
 """The slope of a soak test's samples."""
 
-from __future__ import annotations
-
 from random import Random
 
 import pytest

@@ -1,7 +1,5 @@
 """Whatever happens to a fleet: the engine gives what brute force gives, and keeps the rules."""
 
-from __future__ import annotations
-
 from copy import copy
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What the engine says when it is asked: how good all parts are, and what ended a fault."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

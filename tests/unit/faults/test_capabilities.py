@@ -1,7 +1,5 @@
 """What a robot can do: one fault for what is lost, under which its parts are suppressed."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours

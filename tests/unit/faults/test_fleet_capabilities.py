@@ -1,7 +1,5 @@
 """What the fleet can do: as many robots as can it, or may not be known to."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Change, Fault, Identity, PartName, Scope, State

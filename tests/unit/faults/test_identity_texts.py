@@ -1,7 +1,5 @@
 """The texts of an identity, as events and the API have them, give it again."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.faults.model import (

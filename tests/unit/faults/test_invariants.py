@@ -1,7 +1,5 @@
 """What holds whatever happens, in a fleet that uses every feature at once; see `features`."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st

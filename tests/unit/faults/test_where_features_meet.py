@@ -1,7 +1,5 @@
 """Mistakes that were made where two features meet: each was seen once, by a person."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.model import (
     CapabilityState,

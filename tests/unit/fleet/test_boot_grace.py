@@ -1,7 +1,5 @@
 """A robot that boots is no robot that fails: what is wrong from its first message on has time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What a robot can do, from fleet.yml and arrays to faults, metrics, snapshot and page."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Components in no capability, and capabilities that nothing feeds."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.load import load

@@ -1,7 +1,5 @@
 """Components that fleet.yml says are behind others of their robot: which, and one fault of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

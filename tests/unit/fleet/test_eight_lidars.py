@@ -1,7 +1,5 @@
 """A car with eight lidars, as one was recorded: the two at the front go blind at once."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
 from support.state_driver import ERROR, OK, STALE, StateDriver

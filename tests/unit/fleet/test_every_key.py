@@ -5,8 +5,6 @@ that keeps an old value is found here, whichever it is. After a restart everythi
 there had been none.
 """
 
-from __future__ import annotations
-
 import json
 
 import pytest

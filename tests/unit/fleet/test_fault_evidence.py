@@ -1,7 +1,5 @@
 """The evidence of a fault as fields: of each kind of fault what it rests on, as JSON."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

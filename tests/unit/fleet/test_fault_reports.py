@@ -1,7 +1,5 @@
 """What the state receives becomes faults: arrays, silence, time and config in, faults out."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What the fleet can do, from fleet.yml and robots to faults with one notification each."""
 
-from __future__ import annotations
-
 from datetime import datetime, timezone
 
 import pytest

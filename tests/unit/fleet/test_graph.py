@@ -1,7 +1,5 @@
 """Silent faults through the state: faults, shadow mode, lost messages, restarts."""
 
-from __future__ import annotations
-
 import re
 from contextlib import closing
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Components that a query of Prometheus measures, beside what the robot publishes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Goals of a robot's actions -> its components, faults and rows; time is given."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source

@@ -1,7 +1,5 @@
 """Robots that somebody invents: some are found, none is kept for long, none is a fault."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from types import SimpleNamespace

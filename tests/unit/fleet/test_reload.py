@@ -1,7 +1,5 @@
 """Another config takes over: what it leaves unchanged loses nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

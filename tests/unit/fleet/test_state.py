@@ -1,7 +1,5 @@
 """Robots that are found, limited and dropped, and what of them the fleet shows."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from math import inf

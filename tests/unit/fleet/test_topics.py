@@ -1,7 +1,5 @@
 """Fields of small topics through the state: components, faults, what cannot be read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

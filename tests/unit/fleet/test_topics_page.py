@@ -1,7 +1,5 @@
 """The examples of docs/robots-without-diagnostics.md, played with messages of those types."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

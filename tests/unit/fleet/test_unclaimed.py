@@ -1,7 +1,5 @@
 """Topics of diagnostics that no entry of fleet.yml takes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Entries of fleet.yml that match nothing that was received."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robots behind an uplink, or a DDS domain, that fails: its fault alone, decided before theirs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Modes and goals -> seconds of autonomy and interventions; time is given."""
 
-from __future__ import annotations
-
 import pytest
 from pydantic import TypeAdapter
 

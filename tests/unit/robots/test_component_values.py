@@ -1,7 +1,5 @@
 """The numbers of a component are the same, whichever of the ways sets them."""
 
-from __future__ import annotations
-
 import re
 from unittest import mock
 

@@ -1,7 +1,5 @@
 """What `when` and `unless` of fleet.yml suppress: no fault begins, and one that lasts ends."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

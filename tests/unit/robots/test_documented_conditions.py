@@ -1,7 +1,5 @@
 """The three conditions of docs/configuration.md do what the sentence above each says."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from textwrap import indent

@@ -1,7 +1,5 @@
 """The flap ratio is Nagios' formula, on slots that miss no change."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -1,7 +1,5 @@
 """When what is absent is forgotten, and what a person takes out."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Lists of goals as an action server publishes them -> how each goal ended; time is given."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from pydantic import TypeAdapter

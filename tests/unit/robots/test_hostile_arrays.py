@@ -3,8 +3,6 @@
 A test that needs the square of what was sent would run into its time-out.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A component that changes all the time has a few events a minute."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.events import Event

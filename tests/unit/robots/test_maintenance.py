@@ -1,7 +1,5 @@
 """Until when a robot is in maintenance, if one planned downtime follows another."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

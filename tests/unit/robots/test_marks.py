@@ -1,7 +1,5 @@
 """Which changes of a robot those that read its marks find."""
 
-from __future__ import annotations
-
 from math import inf
 
 from ros_diagnostics_exporter.model import Status

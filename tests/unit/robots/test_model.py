@@ -4,8 +4,6 @@ The model keeps for each component nothing but its history and applies the rules
 in docs/architecture.md; it shares no code with the state.
 """
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path

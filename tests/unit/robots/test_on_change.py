@@ -1,7 +1,5 @@
 """What is published only when something changes: it is not late, and ends as fleet.yml says."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What is known of a robot outlives a restart, with the times at which it was."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One row of an aggregator's array is one component, by whatever name it is known."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Source

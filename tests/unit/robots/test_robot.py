@@ -1,7 +1,5 @@
 """What is known about a robot, on a time line of seconds."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Aggregated arrays give back the components as their drivers published them."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Source

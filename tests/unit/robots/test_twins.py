@@ -1,7 +1,5 @@
 """Several nodes that publish one status name, each in arrays of its own."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ The strings are those of real drivers (kobuki, turtlebot4, clearpath, realsense,
 sick, mavros, rplidar, diagnostic_common_diagnostics, Autoware, husarion, velodyne).
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Which silences are acknowledgements of a fleet, and what of them is shown."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a form does at Alertmanager: the silences that the commands make, and an event of it."""
 
-from __future__ import annotations
-
 from datetime import datetime, timezone
 from typing import Any
 

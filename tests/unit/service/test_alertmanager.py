@@ -1,7 +1,5 @@
 """Asking Alertmanager: what it answers is believed, and nothing that it does hurts the exporter."""
 
-from __future__ import annotations
-
 import json
 import logging
 import threading

@@ -1,7 +1,5 @@
 """The canary: when one begins, what counts as its return, and what is counted."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Downtimes: which silences the exporter reads as one."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta, timezone
 
 import pytest

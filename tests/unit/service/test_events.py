@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 

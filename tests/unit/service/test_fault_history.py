@@ -1,7 +1,5 @@
 """The service gives each event of a fault the fault's id, by which its page finds it."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Fleet

@@ -1,7 +1,5 @@
 """Alertmanager's alerts as faults: those that the shipped rules make, and no others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """What a person forgets at one exporter of a pair, the other forgets by way of Alertmanager."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

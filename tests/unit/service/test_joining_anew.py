@@ -1,7 +1,5 @@
 """Which domains are joined anew: other addresses, all robots silent, or deaf to one of them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any

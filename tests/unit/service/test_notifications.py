@@ -1,7 +1,5 @@
 """What Alertmanager posts: which fault it is of, what is recorded, and what is served of it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

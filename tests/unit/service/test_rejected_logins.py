@@ -1,7 +1,5 @@
 """Wrong passwords leave a trace: a number, a line a minute, a fault; and they are a pause."""
 
-from __future__ import annotations
-
 import logging
 
 from ros_diagnostics_exporter.rejected_logins import ALLOWED, MANY, MINUTE, RECENT, RejectedLogins

@@ -1,7 +1,5 @@
 """What is wrong with the exporter itself: its parts, their levels, the faults that come of them."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

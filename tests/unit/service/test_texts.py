@@ -1,7 +1,5 @@
 """Any text of a robot can be displayed everywhere, without unprintable characters."""
 
-from __future__ import annotations
-
 import json
 import logging
 import shutil

@@ -1,7 +1,5 @@
 """The goals of a virtual robot's actions: when each begins, and how it ends."""
 
-from __future__ import annotations
-
 from random import Random
 
 import pytest

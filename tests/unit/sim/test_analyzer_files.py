@@ -1,7 +1,5 @@
 """What the real aggregator rejects, aborts on or ignores is a clear error here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

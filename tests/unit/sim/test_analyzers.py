@@ -1,7 +1,5 @@
 """Behaviour of the real aggregator that the recordings in tests/data/golden do not show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

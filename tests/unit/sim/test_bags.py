@@ -1,7 +1,5 @@
 """Recordings in and out of files; each byte as it was."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Hand-made serialized messages are what ROS itself reads."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The files that docs/virtual-robots.md shows are files that work."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

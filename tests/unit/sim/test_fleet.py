@@ -1,7 +1,5 @@
 """What a fleet publishes, on its own clock."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

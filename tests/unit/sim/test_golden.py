@@ -1,7 +1,5 @@
 """What the real diagnostic_aggregator was given makes ours publish what the real one did."""
 
-from __future__ import annotations
-
 import heapq
 import json
 import os

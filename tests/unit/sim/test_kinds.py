@@ -1,7 +1,5 @@
 """Kinds of robots: those that come along, faults and their course, files of one's own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from random import Random
 from typing import Any

@@ -1,7 +1,5 @@
 """The launch file asks ROS for the right processes; ros2 launch itself is not among the wheels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

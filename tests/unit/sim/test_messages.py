@@ -1,7 +1,5 @@
 """The fields of a kind file as messages, which rclpy decodes; and what is no message."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A fleet in real time."""
 
-from __future__ import annotations
-
 import re
 import threading
 from pathlib import Path

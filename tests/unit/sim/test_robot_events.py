@@ -1,7 +1,5 @@
 """What can happen to a whole robot, as it shows in its messages and in the ROS graph."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

@@ -1,7 +1,5 @@
 """Every event in every state of a robot: only what is in the graph publishes, nothing raises."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Scenario files: robots and events, the same outputs each time, errors with a way out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The settings of the thesis' robot: exact numbers of faults, reproducible, read again."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from pathlib import Path

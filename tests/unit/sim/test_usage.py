@@ -1,7 +1,5 @@
 """Wrong usage of the command: a sentence and an exit code, before anything is published."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The database of these tests."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Whatever stands in the database: the exporter starts, and what it shows is whole."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

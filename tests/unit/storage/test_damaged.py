@@ -1,7 +1,5 @@
 """A damaged database is named, kept aside and survived; one of another program stays as it is."""
 
-from __future__ import annotations
-
 import json
 import logging
 import re

@@ -1,7 +1,5 @@
 """No disk can take the exporter down: what cannot be read or written is said and tried again."""
 
-from __future__ import annotations
-
 import errno
 import os
 import resource

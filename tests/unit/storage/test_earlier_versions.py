@@ -4,8 +4,6 @@ The rows are what exporters of these versions wrote for a motor that is ERROR an
 OK.
 """
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from contextlib import closing

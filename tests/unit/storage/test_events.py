@@ -1,7 +1,5 @@
 """Events in the database: found as in memory, by ids that go on, and deleted by age and size."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Events of faults are found without reading those of levels, in older databases too."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from pathlib import Path

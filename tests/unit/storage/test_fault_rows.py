@@ -1,7 +1,5 @@
 """Faults in the database: they outlive the process, and a damaged row harms no other."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sqlite3

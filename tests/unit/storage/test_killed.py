@@ -4,8 +4,6 @@ A child runs the state and its database as the exporter does, with changes in th
 writes a journal of them; the next child goes on with the database and reports what it restored.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """What is known survives the process, and only what changed is written."""
 
-from __future__ import annotations
-
 import json
 import re
 

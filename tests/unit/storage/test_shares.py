@@ -1,7 +1,5 @@
 """Where the database has no room, the robot with the most events loses its own, and no fault."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.events import Event

@@ -1,7 +1,5 @@
 """A run's configuration is the shipped one, with this run's addresses and nothing else changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Grafana is started with the shipped dashboards and this run's servers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Processes that run at the same time never get the same domain or port."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A program ends when it is stopped, and with the process that started it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

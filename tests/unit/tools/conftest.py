@@ -1,7 +1,5 @@
 """The fixtures of a web server on a fake backend, and of the command that asks it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 

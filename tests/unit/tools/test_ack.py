@@ -1,7 +1,5 @@
 """Which alerts ros-diagnostics ack acknowledges, and by which silences."""
 
-from __future__ import annotations
-
 import json
 from datetime import datetime
 from typing import Any

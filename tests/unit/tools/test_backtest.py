@@ -1,7 +1,5 @@
 """The command: tables, JSON and CSV, errors that say what to do."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

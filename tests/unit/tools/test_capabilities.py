@@ -1,7 +1,5 @@
 """``ros-diagnostics capabilities`` on a real robot's state, through HTTP."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

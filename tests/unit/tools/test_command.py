@@ -1,7 +1,5 @@
 """The one command: its help, exit codes, named exporters, what each subcommand prints."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import subprocess

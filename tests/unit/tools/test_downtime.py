@@ -1,7 +1,5 @@
 """The command that plans downtimes: what it makes in Alertmanager, and what it takes back."""
 
-from __future__ import annotations
-
 import time
 from datetime import datetime
 

@@ -1,7 +1,5 @@
 """Mails go on to the mail server whatever happens, with the recordings of their faults attached."""
 
-from __future__ import annotations
-
 import logging
 import smtplib
 import ssl

@@ -1,7 +1,5 @@
 """``ros-diagnostics mcp``, asked by the official client."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import json

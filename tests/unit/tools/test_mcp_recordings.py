@@ -1,7 +1,5 @@
 """Questions about a recording, by the official client, of what the exporter records."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 

@@ -1,7 +1,5 @@
 """``ros-diagnostics missions`` on a real robot's state, through HTTP."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

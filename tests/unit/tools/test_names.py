@@ -1,7 +1,5 @@
 """Which component a person means by a name that is short, was copied, or is only a part of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_tools.names import meant

@@ -3,8 +3,6 @@
 What takes minutes is a fake: the Debian package, hatchling, the SBOM.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

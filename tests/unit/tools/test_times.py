@@ -1,7 +1,5 @@
 """The one way in which times are written on the command line."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta, timezone
 from zoneinfo import ZoneInfo
 

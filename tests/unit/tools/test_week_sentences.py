@@ -1,7 +1,5 @@
 """`history --week`: sentences that follow from the events, with the numbers of a recount."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from typing import Any

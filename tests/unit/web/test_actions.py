@@ -1,7 +1,5 @@
 """Forms by which who has logged in acts: what is followed, and what is rejected before anything."""
 
-from __future__ import annotations
-
 import base64
 import http.client
 import logging

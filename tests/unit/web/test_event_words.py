@@ -1,7 +1,5 @@
 """The API's description has the words that events have: those that the code records."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 from typing import get_args, get_type_hints

@@ -1,7 +1,5 @@
 """Which client loses its connection, what responses and calls may cost; each without a server."""
 
-from __future__ import annotations
-
 import asyncio
 import resource
 import threading

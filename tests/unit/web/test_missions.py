@@ -1,7 +1,5 @@
 """The missions on a robot's page, of a real robot's state."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html import unescape

@@ -1,7 +1,5 @@
 """``/metrics?collect[]=`` and ``exclude[]=``: which parts the backend is asked for."""
 
-from __future__ import annotations
-
 import json
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Slow and hostile clients, with a legitimate scrape beside them."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import errno

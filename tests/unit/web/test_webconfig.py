@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.web.webconfig import RateLimit, WebConfig, WebConfigError, read

@@ -1,7 +1,5 @@
 """Whatever a file says: each unit and each edit has a row, and fleet.yml is valid."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import yaml

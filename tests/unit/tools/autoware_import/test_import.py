@@ -1,7 +1,5 @@
 """Files of a diagnostic graph become a profile and a report in which no unit is missing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

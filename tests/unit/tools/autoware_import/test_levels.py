@@ -1,7 +1,5 @@
 """Any diagnostic graph: its capabilities have the levels that Autoware publishes of its units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What another configuration would change, in words."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.compare import compare, in_words

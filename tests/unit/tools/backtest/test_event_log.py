@@ -1,7 +1,5 @@
 """An exporter's database is judged as what it received would be, as far as its events say that."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from dataclasses import replace

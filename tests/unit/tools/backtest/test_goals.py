@@ -1,7 +1,5 @@
 """The goals of actions in a recording are judged as the running exporter judges them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin

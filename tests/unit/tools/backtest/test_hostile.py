@@ -1,7 +1,5 @@
 """Files that were made to take all memory, all disk or all day are read up to a limit."""
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 import tracemalloc

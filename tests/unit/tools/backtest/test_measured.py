@@ -1,7 +1,5 @@
 """Queries of fleet.yml in a back-test: asked of that time, judged with the recorded messages."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from http.server import BaseHTTPRequestHandler

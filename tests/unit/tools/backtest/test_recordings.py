@@ -1,7 +1,5 @@
 """A recording that cannot be read is an error that names the file and the way out."""
 
-from __future__ import annotations
-
 import json
 import random
 import shutil

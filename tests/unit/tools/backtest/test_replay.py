@@ -1,7 +1,5 @@
 """Recordings are judged as the running exporter judges what it receives."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

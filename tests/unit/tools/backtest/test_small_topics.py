@@ -1,7 +1,5 @@
 """The fields of small topics in a recording are judged as the running exporter judges them."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from pathlib import Path

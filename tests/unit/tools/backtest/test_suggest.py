@@ -1,7 +1,5 @@
 """Settings are proposed only where the recording gives a reason."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from random import Random
 

@@ -1,7 +1,5 @@
 """Recordings as text: rosbridge's envelopes, `ros2 topic echo`, and one message that is damaged."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """Nagios' log and the exporter's record beside one another."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys

@@ -1,7 +1,5 @@
 """Whatever a site's files say: every line is accounted for, and fleet.yml is valid."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hypothesis import given

@@ -1,7 +1,5 @@
 """A site's Nagios files become a fleet, routes and a report in which no line is missing."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

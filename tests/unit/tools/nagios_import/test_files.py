@@ -1,7 +1,5 @@
 """Nagios' files are read as Nagios reads them."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_tools.nagios.importer import plugin

@@ -1,7 +1,5 @@
 """Files that were made to take all time or memory are an error that names them."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

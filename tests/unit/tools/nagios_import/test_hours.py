@@ -1,7 +1,5 @@
 """Timeperiods as hours of the week and Alertmanager's time intervals."""
 
-from __future__ import annotations
-
 from calendar import monthrange
 from datetime import date, timedelta
 

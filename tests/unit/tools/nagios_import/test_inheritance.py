@@ -1,7 +1,5 @@
 """Templates are filled in as in Nagios: the examples of its chapter on object inheritance."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_tools.nagios.importer.files import NagiosError, read

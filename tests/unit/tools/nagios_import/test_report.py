@@ -1,7 +1,5 @@
 """What is no longer notified is in sight; what has a query or threshold here is written."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

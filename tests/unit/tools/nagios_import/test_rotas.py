@@ -1,7 +1,5 @@
 """Contacts whose hours relieve one another become a rota; others are all notified."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta, timezone
 
 import pytest

@@ -1,7 +1,5 @@
 """An oncall.yml and an alertmanager.yml from texts."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from datetime import datetime

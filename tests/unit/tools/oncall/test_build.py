@@ -1,7 +1,5 @@
 """Alertmanager's configuration with the people on call in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta, timezone
 from pathlib import Path

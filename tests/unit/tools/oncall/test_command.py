@@ -1,7 +1,5 @@
 """The command: what it prints and writes, its exit codes."""
 
-from __future__ import annotations
-
 import json
 import re
 import stat

@@ -1,7 +1,5 @@
 """The shipped oncall.yml is right, and docs/on-call.md shows it and what the command prints."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from datetime import datetime, timezone

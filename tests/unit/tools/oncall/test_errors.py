@@ -1,7 +1,5 @@
 """What is wrong with oncall.yml: file, line, key, value and the way out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path

@@ -1,7 +1,5 @@
 """On call with the routes of docs/existing-servers.md: nobody is notified less than before."""
 
-from __future__ import annotations
-
 import re
 from datetime import datetime, timezone
 

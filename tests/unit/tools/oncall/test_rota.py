@@ -1,7 +1,5 @@
 """Who is on call at any time, compared with looking at a clock minute by minute."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime, timedelta, timezone
 from zoneinfo import ZoneInfo

@@ -1,7 +1,5 @@
 """What `ros-diagnostics report` writes, and where; the numbers are those of e2e/test_report.py."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

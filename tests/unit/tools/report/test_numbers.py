@@ -1,7 +1,5 @@
 """The numbers of a week, of a Prometheus that the test plays."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from urllib.parse import parse_qs, urlsplit
 
