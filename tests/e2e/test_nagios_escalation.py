@@ -23,8 +23,8 @@ define command {{
   command_line /bin/true
 }}
 define contact {{
-  contact_name ops
-  email ops@example.org
+  name everybody
+  register 0
   host_notification_period always
   service_notification_period always
   host_notification_options d,u,r
@@ -33,14 +33,14 @@ define contact {{
   service_notification_commands nothing
 }}
 define contact {{
+  use everybody
+  contact_name ops
+  email ops@example.org
+}}
+define contact {{
+  use everybody
   contact_name boss
   email boss@example.org
-  host_notification_period always
-  service_notification_period always
-  host_notification_options d,u,r
-  service_notification_options w,u,c,r
-  host_notification_commands nothing
-  service_notification_commands nothing
 }}
 define host {{
   host_name arm_1

@@ -1,8 +1,5 @@
 """`ros-diagnostics nagios import` reads Nagios' files as the distribution's Nagios does."""
 
-import getpass
-import grp
-import os
 import re
 import shutil
 import subprocess
@@ -19,40 +16,22 @@ from ros_diagnostics_tools.nagios.importer.inheritance import Templates
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.routes import NOBODY, ROUTES
 from ros_diagnostics_tools.nagios.importer.site import Site
+from support.nagios_program import files, installed
 
-NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
 SITE = Path(__file__).parents[1] / "data/nagios"
 SAMPLE = Path("/etc/nagios4/objects")  # of the package nagios4-common
 KEYS = ("check_command", "max_check_attempts", "retry_interval", "check_interval", "check_period")
 LISTS = ("contacts", "contact_groups", "notification_options")
 # Services of the sample run these; Debian has them in packages of their own.
 PLUGINS = ("check_ping", "check_ssh", "check_http", "check_nt", "check_hpjd", "check-host-alive")
-MAIN = """\
-nagios_user={user}
-nagios_group={group}
-precached_object_file={folder}/objects.precache
-object_cache_file={folder}/objects.cache
-log_file={folder}/nagios.log
-check_result_path={folder}
-temp_path={folder}
-temp_file={folder}/nagios.tmp
-lock_file={folder}/nagios.lock
-status_file={folder}/status.dat
-state_retention_file={folder}/retention.dat
-"""
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow]
-
-
-def settings(folder: Path) -> str:
-    group = grp.getgrgid(os.getgid()).gr_name
-    return MAIN.format(folder=folder, user=getpass.getuser(), group=group)
 
 
 def own_site(folder: Path) -> Path:
     shutil.copytree(SITE, folder, dirs_exist_ok=True)
     main = folder / "nagios.cfg"
-    main.write_text(re.sub("log_file=.*\n", "", main.read_text()) + settings(folder))
+    main.write_text(re.sub("log_file=.*\n", "", main.read_text()) + files(folder))
     return main
 
 
@@ -69,7 +48,7 @@ def sample_site(folder: Path) -> Path:
         "service_description Motors\ncheck_command check_ros!Motor\n}\n"
     )
     (folder / "objects/robot.cfg").write_text(missing + robot)
-    (folder / "nagios.cfg").write_text(settings(folder) + f"cfg_dir={folder}/objects\n")
+    (folder / "nagios.cfg").write_text(files(folder) + f"cfg_dir={folder}/objects\n")
     return folder / "nagios.cfg"
 
 
@@ -80,8 +59,7 @@ def main(request, tmp_path) -> Path:
 
 def precached(main: Path) -> dict[tuple[str, ...], Definition]:
     """The objects as Nagios resolves them."""
-    assert NAGIOS, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
-    done = subprocess.run([NAGIOS, "-vp", main], capture_output=True, text=True, check=False)
+    done = subprocess.run([installed(), "-vp", main], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     found = read([main.parent / "objects.precache"]).definitions
     return {name_of(each.kind, each.value): each for each in found}

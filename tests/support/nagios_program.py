@@ -13,24 +13,25 @@ from testbed.processes import Process
 # Debian installs it to /usr/sbin, which is not in every PATH.
 PROGRAM = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
 
-SETTINGS = """\
-cfg_file={folder}/objects.cfg
+# Its own files, in a folder.
+FILES = """\
 object_cache_file={folder}/objects.cache
 precached_object_file={folder}/objects.precache
 status_file={folder}/status.dat
-status_update_interval=1
 log_file={folder}/nagios.log
 lock_file={folder}/nagios.lock
 temp_file={folder}/nagios.tmp
 temp_path={folder}
-check_result_path={folder}/results
+check_result_path={folder}
 query_socket={folder}/nagios.qh
 command_file={folder}/nagios.cmd
 state_retention_file={folder}/retention.dat
 nagios_user={user}
 nagios_group={group}
+"""
+# Seconds in place of minutes.
+QUICK = """\
 interval_length=1
-log_rotation_method=n
 check_for_updates=0
 use_syslog=0
 """
@@ -50,6 +51,18 @@ define timeperiod {
 """
 
 
+def installed() -> str:
+    """The program."""
+    assert PROGRAM, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
+    return PROGRAM
+
+
+def files(folder: Path) -> str:
+    """The lines of nagios.cfg by which all files are in the folder, and of who runs the tests."""
+    group = grp.getgrgid(os.getgid()).gr_name
+    return FILES.format(folder=folder, user=getpass.getuser(), group=group)
+
+
 def prepare(
     folder: Path, objects: str, settings: str = "", environment: Mapping[str, str] | None = None
 ) -> Process:
@@ -61,14 +74,12 @@ def prepare(
         settings: Lines of nagios.cfg beside the names of files.
         environment: Of the program; by default only its time zone, UTC.
     """
-    assert PROGRAM, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
-    (folder / "results").mkdir(parents=True)
-    own = SETTINGS.format(
-        folder=folder, user=getpass.getuser(), group=grp.getgrgid(os.getgid()).gr_name
-    )
-    (folder / "nagios.cfg").write_text(own + settings)
+    program = installed()
+    folder.mkdir(parents=True)
+    own = f"cfg_file={folder}/objects.cfg\nstatus_update_interval=1\nlog_rotation_method=n\n"
+    (folder / "nagios.cfg").write_text(own + files(folder) + QUICK + settings)
     (folder / "objects.cfg").write_text(objects)
-    argv = [PROGRAM, folder / "nagios.cfg"]
+    argv = [program, folder / "nagios.cfg"]
     return Process("nagios", argv, environment or {"TZ": "UTC"}, folder / "out.log")
 
 

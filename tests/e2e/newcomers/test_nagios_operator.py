@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from support.nagios_program import ALWAYS
+from support.nagios_program import ALWAYS, FILES, QUICK
 from support.newcomer import Newcomer, blocks, newcomer
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -18,27 +18,8 @@ profiles:
 discovery:
   - {topic: "/{robot}/diagnostics_agg"}
 """
-# What the operator has: seconds instead of minutes, and mails by the machine's own server.
-SETTINGS = """\
-cfg_file=/etc/nagios4/site.cfg
-object_cache_file={folder}/objects.cache
-precached_object_file={folder}/objects.precache
-status_file={folder}/status.dat
-log_file={folder}/nagios.log
-lock_file={folder}/nagios.lock
-temp_file={folder}/nagios.tmp
-temp_path={folder}
-check_result_path={folder}
-query_socket={folder}/nagios.qh
-command_file={folder}/nagios.cmd
-state_retention_file={folder}/retention.dat
-nagios_user=root
-nagios_group=root
-interval_length=1
-enable_notifications=1
-check_for_updates=0
-use_syslog=0
-"""
+# What the operator has: mails by the machine's own server.
+SETTINGS = "cfg_file=/etc/nagios4/site.cfg\nenable_notifications=1\n"
 SITE = """\
 define command {
   command_name alive
@@ -87,7 +68,8 @@ def has_nagios(person: Newcomer, objects: str) -> None:
     etc = person.folder / "etc" / "nagios4"
     etc.mkdir(exist_ok=True)
     (etc / "site.cfg").write_text(ALWAYS + SITE + objects)
-    (etc / "site-nagios.cfg").write_text(SETTINGS.format(folder=folder))
+    files = FILES.format(folder=folder, user="root", group="root")
+    (etc / "site-nagios.cfg").write_text(SETTINGS + QUICK + files)
     person.starts("nagios", "exec nagios4 /etc/nagios4/site-nagios.cfg")
 
 
