@@ -54,30 +54,31 @@ class Mission:
         state.update_nodes(0, [("bt_navigator", "/r")], now)
         return set(state.watched_topics(0, self.types, now))
 
-    def stand(self, seconds: int) -> None:
+    def stand(self, seconds: int) -> Mission:
         for _ in range(seconds):
             self.look()
             self.driver.stand(1, LASER)
+        return self
 
-    def send(self, action: str) -> None:
+    def send(self, action: str) -> Mission:
         state, now = self.driver.state, self.driver.now
         state.receive_goals(0, topic(action), encode_goals(self.goals.get(action, ())), now)
+        return self
 
-    def begin(self, action: str) -> None:
+    def begin(self, action: str) -> Mission:
         self.number += 1
         key = self.number.to_bytes(16, "big")
         self.goals[action] = [Goal(key, float(self.number), EXECUTING)]
-        self.send(action)
+        return self.send(action)
 
-    def end(self, action: str, status: int) -> None:
+    def end(self, action: str, status: int) -> Mission:
         self.goals[action] = [each._replace(status=status) for each in self.goals[action]]
-        self.send(action)
+        return self.send(action)
 
-    def run(self, action: str, status: int, times: int = 1) -> None:
+    def run(self, action: str, status: int, times: int = 1) -> Mission:
         for _ in range(times):
-            self.begin(action)
-            self.stand(5)
-            self.end(action, status)
+            self.begin(action).stand(5).end(action, status)
+        return self
 
     def level(self, action: str) -> int:
         return self.driver.level(action)

@@ -36,7 +36,10 @@ def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
 
 
 class StateDriver:
-    """One robot "r" in the fleet "f"; time passes only as the test says, in seconds from 0."""
+    """One robot "r" in the fleet "f"; time passes only as the test says, in seconds from 0.
+
+    What lets time pass, or sends something, gives the driver again: to look at what came of it.
+    """
 
     def __init__(self, source: Source = Source.RAW, *, fleet: Fleet | None = None, **profile):
         if fleet is None:
@@ -115,7 +118,7 @@ class StateDriver:
     def robot(self):
         return self.state.robots["r"]
 
-    def at(self, seconds: float) -> None:
+    def at(self, seconds: float) -> StateDriver:
         """Let time pass up to ``seconds``, ticking as often as the exporter does."""
         while self.now.mono < seconds:
             step = min(seconds, self.now.mono + 0.25)
@@ -123,6 +126,7 @@ class StateDriver:
             self.state.tick(self.now)
             if step % 60 == 0:
                 self.state.find_unmatched(self.now)
+        return self
 
     def _receive(
         self, topic: str, statuses: tuple[Status, ...], stamp: float, publisher: str = ""
@@ -130,32 +134,37 @@ class StateDriver:
         array = Array(stamp, tuple(statuses), 100, publisher=publisher)
         self.state.receive(Topic(0, topic), array, self.now)
 
-    def raw(self, *statuses: Status, stamp: float = 0.0, publisher: str = "") -> None:
+    def raw(self, *statuses: Status, stamp: float = 0.0, publisher: str = "") -> StateDriver:
         self._receive("/r/diagnostics", statuses, stamp, publisher)
+        return self
 
-    def graph(self, *writers: str) -> None:
+    def graph(self, *writers: str) -> StateDriver:
         """Have the graph show who publishes the raw topic."""
         endpoint = Endpoint(len(writers), writers=frozenset(writers))
         self.state.update_graph(0, {"/r/diagnostics": endpoint}, self.now)
+        return self
 
-    def agg(self, *statuses: Status) -> None:
+    def agg(self, *statuses: Status) -> StateDriver:
         self._receive("/r/diagnostics_agg", statuses, 0.0)
+        return self
 
-    def raw_every(self, period: float, until: float, *statuses: Status) -> None:
+    def raw_every(self, period: float, until: float, *statuses: Status) -> StateDriver:
         """Send the same statuses now and every ``period`` seconds, up to ``until`` exclusive."""
         while self.now.mono < until:
             self.raw(*statuses)
             self.at(min(until, self.now.mono + period))
+        return self
 
-    def agg_every(self, period: float, until: float, *statuses: Status) -> None:
+    def agg_every(self, period: float, until: float, *statuses: Status) -> StateDriver:
         """As `raw_every`, from the aggregator; see `tree`."""
         while self.now.mono < until:
             self.agg(*statuses)
             self.at(min(until, self.now.mono + period))
+        return self
 
-    def stand(self, seconds: float, *statuses: Status) -> None:
+    def stand(self, seconds: float, *statuses: Status) -> StateDriver:
         """Send the same statuses once a second for some seconds."""
-        self.raw_every(1, self.now.mono + seconds, *statuses)
+        return self.raw_every(1, self.now.mono + seconds, *statuses)
 
     def fault_names(self) -> set[tuple[str, ...]]:
         """Scope, state and what it is about of each fault."""

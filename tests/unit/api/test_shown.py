@@ -14,8 +14,7 @@ def test_a_component_that_is_critical_and_then_stale_is_one_line(labels):
     robot = Robot(
         "r", topic_raw="/r/diagnostics", source=Source.RAW, profile=Profile(), labels=labels
     )
-    driver = StateDriver(fleet=Fleet("f", (robot,)))
-    driver.raw_every(1, SETTLED, Status(OK, "Motor"))
+    driver = StateDriver(fleet=Fleet("f", (robot,))).raw_every(1, SETTLED, Status(OK, "Motor"))
     driver.raw_every(1, SETTLED + 3, Status(STALE, "Motor"))
     driver.raw_every(1, SETTLED + 30, Status(ERROR, "Motor"))
     snapshot = fleet_snapshot(driver.state, driver.now)

@@ -77,8 +77,7 @@ REPEATED = (
 
 
 def test_each_repeated_key_has_its_own_number_as_it_is_exported():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Arm", values=REPEATED))
+    driver = StateDriver().raw(Status(OK, "Arm", values=REPEATED))
 
     (arm,) = robot(driver)["components"]
     assert [(each["key"], each["number"], each["unit"]) for each in arm["values"]] == [
@@ -96,8 +95,7 @@ def test_each_repeated_key_has_its_own_number_as_it_is_exported():
 
 def test_a_number_is_that_of_the_text_beside_it():
     """A STALE status is not read: it may have other texts than the one that was."""
-    driver = StateDriver()
-    driver.raw(Status(OK, "Arm", values=(("Error", "1"),)))
+    driver = StateDriver().raw(Status(OK, "Arm", values=(("Error", "1"),)))
     driver.raw(Status(STALE, "Arm", values=(("Error", "2"),)))
 
     (arm,) = robot(driver)["components"]
@@ -108,8 +106,7 @@ HOT = Status(ERROR, "Motor", "Hot")
 
 
 def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
-    driver = StateDriver()
-    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver = StateDriver().raw_every(1, 40, Status(OK, "Motor"))
     driver.raw_every(1, 45, HOT)
     (soft,) = robot(driver)["problems"]
     assert soft["confirmed"] is soft["suppressed"] is soft["suppressed_by"] is None
@@ -128,8 +125,7 @@ def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
 
 
 def test_a_fault_has_who_acknowledged_it_and_the_next_one_has_not():
-    driver = StateDriver()
-    driver.raw_every(1, 60, HOT)
+    driver = StateDriver().raw_every(1, 60, HOT)
     (fault,) = faults(driver.state, driver.now)["faults"]
     named = identity_of({**fault, "fleet": "f"})
     of_this = Acknowledgement(named, fault["since"], "ann", "spare part", WALL + 55, WALL + 99)
@@ -146,8 +142,7 @@ def test_a_fault_has_who_acknowledged_it_and_the_next_one_has_not():
 
 
 def test_a_silent_robot_has_the_problem_since_its_last_message():
-    driver = StateDriver()
-    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver = StateDriver().raw_every(1, 40, Status(OK, "Motor"))
     driver.at(100)
     (silent,) = (each for each in robot(driver)["problems"] if each["scope"] == "robot")
     assert (silent["state"], silent["since"]) == ("silent", robot(driver)["last_message"])
@@ -252,8 +247,7 @@ def times(begin: float, end: float) -> dict[str, float]:
 
 
 def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault():
-    driver = StateDriver()
-    driver.raw_every(1, 60, HOT)
+    driver = StateDriver().raw_every(1, 60, HOT)
     (fault,) = faults(driver.state, driver.now)["faults"]
     planned = [
         Downtime("r", "Lidar", WALL, WALL + 99, "ann", "lens"),
@@ -284,8 +278,7 @@ def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault()
 
 
 def test_a_component_that_never_changed_does_not_flap():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor"))
+    driver = StateDriver().raw(Status(OK, "Motor"))
     (motor,) = robot(driver)["components"]
     assert (motor["state"], motor["flap_ratio"], motor["changes"]) == ("OK", 0.0, 0)
 

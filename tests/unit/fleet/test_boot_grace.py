@@ -27,8 +27,7 @@ def booted(*statuses: Status, **profile) -> StateDriver:
     """A robot with a boot_grace of two minutes that is back after a silence, with these."""
     driver = StateDriver(boot_grace=120.0, **profile)
     driver.raw_every(1, SETTLED, Status(OK, "Lidar"), Status(OK, "Motor"))
-    driver.at(SETTLED + 60)
-    assert driver.fault_names() == {("robot", "silent", "r")}
+    assert driver.at(SETTLED + 60).fault_names() == {("robot", "silent", "r")}
     driver.raw_every(1, SETTLED + 61, *statuses)
     return driver
 
@@ -56,10 +55,8 @@ def test_what_was_ok_and_then_fails_has_no_grace():
 def test_a_value_that_is_low_from_the_first_message_on_has_it_too():
     low = battery("5")
     driver = booted(low, values=(LOW,))
-    driver.raw_every(1, SETTLED + 170, low)
-    assert TOO_LOW not in driver.fault_names()
-    driver.raw_every(1, SETTLED + 190, low)
-    assert TOO_LOW in driver.fault_names()
+    assert TOO_LOW not in driver.raw_every(1, SETTLED + 170, low).fault_names()
+    assert TOO_LOW in driver.raw_every(1, SETTLED + 190, low).fault_names()
 
 
 def battery(charge: str, level: int = OK) -> Status:
@@ -67,27 +64,21 @@ def battery(charge: str, level: int = OK) -> Status:
 
 
 def test_a_value_that_was_low_before_the_silence_has_it_too():
-    driver = StateDriver(boot_grace=120.0, values=(LOW,))
-    driver.raw_every(1, SETTLED, battery("50"))
+    driver = StateDriver(boot_grace=120.0, values=(LOW,)).raw_every(1, SETTLED, battery("50"))
     driver.raw_every(1, SETTLED + 3, battery("5"))
     driver.at(SETTLED + 60)
-    driver.raw_every(1, SETTLED + 170, battery("5"))
-    assert driver.fault_names() == set()
-    driver.raw_every(1, SETTLED + 190, battery("5"))
-    assert driver.fault_names() == {TOO_LOW}
+    assert driver.raw_every(1, SETTLED + 170, battery("5")).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 190, battery("5")).fault_names() == {TOO_LOW}
 
 
 def test_a_value_that_is_well_first_has_none_whatever_the_level():
     driver = booted(battery("50", WARN), values=(LOW,))
-    driver.raw_every(1, SETTLED + 80, battery("5", WARN))
-    assert driver.fault_names() == {TOO_LOW}
+    assert driver.raw_every(1, SETTLED + 80, battery("5", WARN)).fault_names() == {TOO_LOW}
 
 
 def test_what_was_ok_in_between_has_no_grace():
-    driver = booted(Status(ERROR, "Lidar"))
-    driver.raw_every(1, SETTLED + 65, Status(OK, "Lidar"))
-    driver.raw_every(1, SETTLED + 80, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == {CRITICAL}
+    driver = booted(Status(ERROR, "Lidar")).raw_every(1, SETTLED + 65, Status(OK, "Lidar"))
+    assert driver.raw_every(1, SETTLED + 80, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
 
 
 def test_it_goes_on_where_a_condition_is_not_known_with_the_first_message():
@@ -98,8 +89,7 @@ def test_it_goes_on_where_a_condition_is_not_known_with_the_first_message():
     driver.raw_every(1, SETTLED, Status(OK, "Lidar"), mode)
     driver.at(SETTLED + 60)
     driver.raw_every(1, SETTLED + 63, Status(ERROR, "Lidar"))
-    driver.raw_every(1, SETTLED + 170, Status(ERROR, "Lidar"), mode)
-    assert driver.fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 170, Status(ERROR, "Lidar"), mode).fault_names() == set()
     driver.raw_every(1, SETTLED + 185, Status(ERROR, "Lidar"), mode)
     assert driver.fault_names() == {CRITICAL}
 
@@ -128,11 +118,9 @@ def test_what_is_stale_from_the_first_message_on_has_it_too(source):
 def test_many_components_of_a_robot_that_boots_are_no_fault():
     parts = [Status(OK, f"part {number}") for number in range(20)]
     broken = [each._replace(level=ERROR) for each in parts[:12]] + parts[12:]
-    driver = StateDriver(boot_grace=120.0)
-    driver.raw_every(1, SETTLED, *parts)
+    driver = StateDriver(boot_grace=120.0).raw_every(1, SETTLED, *parts)
     driver.at(SETTLED + 60)
-    driver.raw_every(1, SETTLED + 178, *broken)
-    assert driver.fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 178, *broken).fault_names() == set()
     driver.raw_every(1, SETTLED + 200, *broken)
     assert driver.fault_names() == {("robot", "many", "r", "critical")}
 
@@ -165,39 +153,29 @@ def test_many_robots_that_boot_together_have_no_common_fault():
 
 
 def test_a_restart_of_the_exporter_is_no_boot_of_the_robot(tmp_path):
-    driver = StateDriver(boot_grace=120.0)
-    driver.raw_every(1, SETTLED, Status(OK, "Lidar"))
-    driver.raw_every(1, SETTLED + 5, Status(ERROR, "Lidar"))
-    again = driver.again(tmp_path / "state")
-    again.raw_every(1, 15, Status(ERROR, "Lidar"))
-    assert again.fault_names() == {CRITICAL}
+    driver = StateDriver(boot_grace=120.0).raw_every(1, SETTLED, Status(OK, "Lidar"))
+    again = driver.raw_every(1, SETTLED + 5, Status(ERROR, "Lidar")).again(tmp_path / "state")
+    assert again.raw_every(1, 15, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
 
 
 def test_it_goes_on_after_a_restart_of_the_exporter(tmp_path):
     statuses = Status(ERROR, "Lidar"), Status(OK, "Motor"), battery("5")
-    driver = booted(*statuses, values=(LOW,))
-    driver.raw_every(1, SETTLED + 80, *statuses)
+    driver = booted(*statuses, values=(LOW,)).raw_every(1, SETTLED + 80, *statuses)
     again = driver.again(tmp_path / "state")  # 20 s of it are over, and 5 without an exporter
-    again.raw_every(1, 90, *statuses)
-    assert again.fault_names() == set()
-    again.raw_every(1, 100, *statuses)
-    assert again.fault_names() == {CRITICAL, TOO_LOW}
+    assert again.raw_every(1, 90, *statuses).fault_names() == set()
+    assert again.raw_every(1, 100, *statuses).fault_names() == {CRITICAL, TOO_LOW}
 
 
 def test_what_was_there_when_the_exporter_began_to_listen_has_not_booted():
     driver = StateDriver(boot_grace=120.0)  # it knows nothing of before
     driver.graph("a")
-    driver.raw_every(1, 50, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.raw_every(1, 50, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
 
 
 def test_a_robot_that_comes_after_the_exporter_boots():
-    driver = StateDriver(boot_grace=120.0)
-    driver.at(SETTLED)
-    driver.raw_every(1, SETTLED + 110, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == set()
-    driver.raw_every(1, SETTLED + 130, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == {CRITICAL}
+    driver = StateDriver(boot_grace=120.0).at(SETTLED)
+    assert driver.raw_every(1, SETTLED + 110, Status(ERROR, "Lidar")).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 130, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
 
 
 def test_no_robot_boots_because_its_domain_can_be_joined_at_last():
@@ -207,20 +185,16 @@ def test_no_robot_boots_because_its_domain_can_be_joined_at_last():
     driver.at(600)
     driver.state.domain_joined(0)
     driver.graph("a")
-    driver.raw_every(1, 690, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.raw_every(1, 690, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
 
 
 def test_a_value_whose_condition_is_not_known_with_the_first_message_has_it_too():
     mode = Status(OK, "Mode", values=(("mode", "auto"),))
     when = Condition(component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("auto"),))
     rule = replace(LOW, when=(when,))
-    driver = booted(battery("5"), values=(rule,))
-    driver.raw_every(1, SETTLED + 63, battery("5"))
-    driver.raw_every(1, SETTLED + 170, battery("5"), mode)
-    assert TOO_LOW not in driver.fault_names()
-    driver.raw_every(1, SETTLED + 190, battery("5"), mode)
-    assert TOO_LOW in driver.fault_names()
+    driver = booted(battery("5"), values=(rule,)).raw_every(1, SETTLED + 63, battery("5"))
+    assert TOO_LOW not in driver.raw_every(1, SETTLED + 170, battery("5"), mode).fault_names()
+    assert TOO_LOW in driver.raw_every(1, SETTLED + 190, battery("5"), mode).fault_names()
 
 
 def test_what_reports_only_changes_has_it_with_what_it_says_first_after_the_silence():
@@ -229,10 +203,8 @@ def test_what_reports_only_changes_has_it_with_what_it_says_first_after_the_sile
     driver = booted(Status(OK, "Motor"), components=(rule,))
     driver.raw_every(1, SETTLED + 70, Status(OK, "Motor"))
     driver.raw(Status(ERROR, "Lidar"))
-    driver.raw_every(1, SETTLED + 170, Status(OK, "Motor"))
-    assert driver.fault_names() == set()
-    driver.raw_every(1, SETTLED + 190, Status(OK, "Motor"))
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.raw_every(1, SETTLED + 170, Status(OK, "Motor")).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 190, Status(OK, "Motor")).fault_names() == {CRITICAL}
 
 
 def test_no_robot_boots_because_a_reload_has_it():
@@ -241,5 +213,4 @@ def test_no_robot_boots_because_a_reload_has_it():
     driver.state.configure(replace(fleet, robots=()), driver.now)
     driver.at(600)
     driver.state.configure(fleet, driver.now)
-    driver.raw_every(1, 650, Status(ERROR, "Lidar"))
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.raw_every(1, 650, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}

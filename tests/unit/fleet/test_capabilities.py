@@ -41,9 +41,7 @@ FINE = (
 
 def started(tmp_path, text=PROFILES):
     (tmp_path / "fleet.yml").write_text(text)
-    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
-    driver.raw_every(1, SETTLED, *FINE)
-    return driver
+    return StateDriver(fleet=load(tmp_path / "fleet.yml")).raw_every(1, SETTLED, *FINE)
 
 
 @pytest.fixture
@@ -164,8 +162,7 @@ def test_only_as_many_parts_are_missing_as_are_needed_beyond_those_that_there_ar
 
 
 def test_without_capabilities_there_is_nothing_of_them():
-    driver = StateDriver()
-    driver.raw_every(1, SETTLED, Status(ERROR, "Motor", "Hot"))
+    driver = StateDriver().raw_every(1, SETTLED, Status(ERROR, "Motor", "Hot"))
     assert [each.evidence for each in driver.state.faults()] == ["Hot"]
     (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
     assert (robot["capabilities_text"], robot["capabilities"]) == ("", [])

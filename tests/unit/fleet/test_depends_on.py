@@ -38,7 +38,7 @@ class Driver(StateDriver):
         super().__init__(fleet=Fleet("f", (robot,), queries=(COMPUTER,)))
         self.pass_to(20)
 
-    def pass_to(self, end: float, *failing: str) -> None:
+    def pass_to(self, end: float, *failing: str):
         levels: Mapping[str, int] = dict.fromkeys(failing, ERROR)
         while self.now.mono < end:
             self.raw(*(Status(levels.get(each, OK), each) for each in PARTS))
@@ -46,6 +46,7 @@ class Driver(StateDriver):
                 found = (Status(levels.get("Computer 2", OK), "Computer 2"),)
                 self.state.receive_answer(COMPUTER.feed, {"r": found}, self.now)
             self.at(int(self.now.mono) + 1)
+        return self
 
     def began(self) -> list[str]:
         return [each.component for each in self.state.take_events() if each.kind == "fault_began"]
@@ -61,55 +62,45 @@ class Driver(StateDriver):
 
 
 def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
-    driver = Driver(profile(Laser="Computer"))
-    driver.pass_to(39, "Laser")  # since 20 s
+    driver = Driver(profile(Laser="Computer")).pass_to(39, "Laser")  # since 20 s
     assert driver.began() == []
-    driver.pass_to(42, "Laser", "Computer 2")
-    assert driver.suppressed() == {"Laser": "depends_on"}
+    assert driver.pass_to(42, "Laser", "Computer 2").suppressed() == {"Laser": "depends_on"}
     assert driver.reasons() == {}  # it is not due yet
     driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
     assert driver.began() == ["Computer 2"]
     assert driver.suppressed() == driver.reasons() == {"Laser": "depends_on"}
-    driver.pass_to(400)
-    assert driver.reasons() == {}
+    assert driver.pass_to(400).reasons() == {}
 
     driver = Driver(profile(Laser="Computer"))
-    driver.pass_to(44, "Laser")
-    assert driver.began() == []
+    assert driver.pass_to(44, "Laser").began() == []
     driver.pass_to(47, "Laser")  # confirm_after, and the time of a query
     assert driver.began() == ["Laser"]
-    driver.pass_to(60, "Laser", "Computer 2")
-    assert driver.reasons() == {}  # its own fault goes on
+    assert driver.pass_to(60, "Laser", "Computer 2").reasons() == {}  # its own fault goes on
 
 
 def test_behind_what_is_published_it_is_a_fault_as_soon_as_others():
     driver = Driver(profile(Laser="Power"))
-    driver.pass_to(32, "Laser")
-    assert driver.began() == ["Laser"]
+    assert driver.pass_to(32, "Laser").began() == ["Laser"]
 
 
 def test_what_is_behind_what_is_behind_it_is_explained_too():
     driver = Driver(profile(Laser="Motor", Motor="Power"))
-    driver.pass_to(60, "Laser", "Power")
-    assert driver.began() == ["Power"]
+    assert driver.pass_to(60, "Laser", "Power").began() == ["Power"]
 
 
 @pytest.mark.parametrize("rules", [{"Power": "Power"}, {"Power": "Motor", "Motor": "Power"}])
 def test_what_would_be_behind_itself_is_a_fault_of_its_own(rules):
     driver = Driver(profile(**rules))
-    driver.pass_to(60, "Motor", "Power")
-    assert sorted(driver.began()) == ["Motor", "Power"]
+    assert sorted(driver.pass_to(60, "Motor", "Power").began()) == ["Motor", "Power"]
 
 
 def test_other_settings_are_followed():
     driver = Driver(profile(Laser="Power"))
-    driver.pass_to(60, "Laser", "Power")
-    assert driver.began() == ["Power"]
+    assert driver.pass_to(60, "Laser", "Power").began() == ["Power"]
     (robot,) = driver.state.fleet.robots
     changed = replace(driver.state.fleet, robots=(replace(robot, profile=profile()),))
     driver.state.configure(changed, driver.now)
-    driver.pass_to(70, "Laser", "Power")
-    assert driver.began() == ["Laser"]
+    assert driver.pass_to(70, "Laser", "Power").began() == ["Laser"]
 
 
 def test_each_pattern_is_searched_once_in_each_name():
@@ -124,6 +115,5 @@ def test_each_pattern_is_searched_once_in_each_name():
 
     rules = (ComponentRule(pattern=Pattern("Part"), depends_on=(Counting("Power"),)),)
     names = [f"Part {number}" for number in range(400)]
-    driver = StateDriver(components=rules)
-    driver.raw(*(Status(OK, each) for each in (*names, "Power")))
+    StateDriver(components=rules).raw(*(Status(OK, each) for each in (*names, "Power")))
     assert 0 < searches <= 2 * (len(names) + 1)

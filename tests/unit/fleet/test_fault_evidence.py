@@ -32,8 +32,7 @@ HOT = Status(
 
 def after(seconds: float, *statuses: Status, before=(MOTOR, LASER), **profile) -> StateDriver:
     """A robot that was well and then had these statuses for some seconds."""
-    driver = StateDriver(**profile)
-    driver.raw_every(1, SETTLED, *before)
+    driver = StateDriver(**profile).raw_every(1, SETTLED, *before)
     driver.raw_every(1, driver.now.mono + seconds, *statuses)
     return driver
 
@@ -147,8 +146,7 @@ def test_the_value_that_ended_a_fault_is_that_of_its_end():
     ("message", "said"), [("OK", "OK"), ("running", "OK: running"), ("", "OK")]
 )
 def test_the_message_that_ended_a_fault_says_nothing_twice(message, said):
-    driver = after(12, MOTOR._replace(level=ERROR))
-    driver.raw(MOTOR._replace(level=OK, message=message))
+    driver = after(12, MOTOR._replace(level=ERROR)).raw(MOTOR._replace(level=OK, message=message))
     assert [end.message for end in driver.state.served()[1]] == [said]
 
 
@@ -215,8 +213,7 @@ def test_of_a_capability_the_parts_that_it_lacks(tmp_path):
         "fleet: f\nprofiles: {default: {capabilities: {driving: [Motor, Laser]}}}\n"
         "robots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
     )
-    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
-    driver.raw_every(1, SETTLED, MOTOR, LASER)
+    driver = StateDriver(fleet=load(tmp_path / "fleet.yml")).raw_every(1, SETTLED, MOTOR, LASER)
     driver.raw_every(1, SETTLED + 12, HOT, LASER)
     assert details(driver)["lost", ""] == {
         "parts": [{"component": "Motor", "level": "ERROR", "message": "Hot", "state": "lost"}]
@@ -232,8 +229,7 @@ def test_the_fields_are_those_of_the_begin_also_after_a_restart_and_in_its_event
     assert began.details == before["critical", "Motor"]
 
     last = after(12, HOT, before=(MOTOR,))
-    last.raw(MOTOR)
-    assert [each.details for each in last.events if each.kind == "fault_ended"] == [None]
+    assert [each.details for each in last.raw(MOTOR).events if each.kind == "fault_ended"] == [None]
 
     again = StateDriver(fleet=driver.state.fleet)
     again.now = driver.now

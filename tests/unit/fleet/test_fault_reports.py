@@ -36,9 +36,7 @@ HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
 
 def settled(*statuses: Status, **profile) -> StateDriver:
     """A robot that is received once a second, with these statuses, until restart_grace is over."""
-    driver = StateDriver(**profile)
-    driver.raw_every(1, SETTLED, *statuses)
-    return driver
+    return StateDriver(**profile).raw_every(1, SETTLED, *statuses)
 
 
 def reloaded(driver: StateDriver, **profile) -> None:
@@ -64,8 +62,7 @@ def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
 def test_config_says_when_stale_is_critical_and_what_a_level_counts_as():
     rules = (ComponentRule(re.compile("Motor"), levels={WARN: OK}),)
     driver = settled(MOTOR, stale_is_critical=True, components=rules)
-    driver.stand(12, WARM)
-    assert driver.fault_names() == set()
+    assert driver.stand(12, WARM).fault_names() == set()
     driver.stand(12, MOTOR._replace(level=STALE, message="no encoder"))
     found = {each.identity.state.value: each.evidence[:10] for each in driver.state.faults()}
     assert found == {"stale": "no encoder", "critical": "no encoder"}
@@ -74,12 +71,10 @@ def test_config_says_when_stale_is_critical_and_what_a_level_counts_as():
 def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
     rule = ComponentRule(re.compile("Motor"), confirm_after=3.0)
     driver = settled(MOTOR, components=(rule,))
-    driver.stand(5, HOT)
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.stand(5, HOT).fault_names() == {("component", "critical", "r", "Motor")}
     driver.raw(MOTOR)
     reloaded(driver, components=(replace(rule, confirm_after=60.0),))
-    driver.stand(50, HOT)
-    assert driver.fault_names() == set()
+    assert driver.stand(50, HOT).fault_names() == set()
     reloaded(driver, components=(rule,))
     assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
@@ -88,8 +83,7 @@ def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
     driver = settled(MOTOR, LASER)
     driver.at(driver.now.mono + 100)
     back = driver.now.wall
-    driver.stand(12, WARM, LASER)
-    (fault,) = driver.state.faults()
+    (fault,) = driver.stand(12, WARM, LASER).state.faults()
     assert fault.since == driver.problem_since("Motor") == back
 
 
@@ -114,8 +108,7 @@ def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history
             driver.raw(*(each._replace(level=to) for each, to in parts if to is not None))
         driver.at(driver.now.mono + seconds)
         if restarts and seconds == 30:
-            driver = restarted(driver, driver.fault_rows())
-            driver.raw(MOTOR)
+            driver = restarted(driver, driver.fault_rows()).raw(MOTOR)
         lasting = [fault for fault in driver.state.faults() if fault.identity.component]
         # One that flaps has its fault, too, while it is OK.
         flapping = {each.identity.component for each in lasting if each.identity[0] == "flapping"}
@@ -126,23 +119,18 @@ def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history
 
 
 def test_a_component_that_the_config_ignores_goes_with_its_fault_and_may_come_back():
-    driver = settled(MOTOR, LASER)
-    driver.stand(12, HOT, LASER)
+    driver = settled(MOTOR, LASER).stand(12, HOT, LASER)
     reloaded(driver, components=(ComponentRule(re.compile("Motor"), ignore=True),))
     assert driver.fault_names() == set()
-    driver.raw(HOT, LASER)
-    assert [each.name for each in driver.robot.components] == ["Laser"]
+    assert [each.name for each in driver.raw(HOT, LASER).robot.components] == ["Laser"]
     reloaded(driver, components=())
-    driver.raw(HOT, LASER)
-    assert driver.level("Motor") == ERROR
+    assert driver.raw(HOT, LASER).level("Motor") == ERROR
 
 
 def test_a_component_in_another_group_keeps_the_name_of_its_fault_until_that_is_over():
     driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 60, *tree(Old=[HOT, LASER]))
-    before = driver.state.faults()
-    driver.agg_every(1, 120, *tree(New=[HOT, LASER]))
-    assert driver.state.faults() == before
+    before = driver.agg_every(1, 60, *tree(Old=[HOT, LASER])).state.faults()
+    assert driver.agg_every(1, 120, *tree(New=[HOT, LASER])).state.faults() == before
     assert {each.label: each.group for each in driver.robot.components} == {
         "Motor": "/Old",
         "Laser": "/New",
@@ -181,8 +169,7 @@ def test_the_ratio_that_is_served_is_the_one_by_which_flapping_is_judged():
 
 def test_the_evidence_says_what_was_known_when_the_fault_began():
     hot = HOT._replace(message="Hot\n\u202eagain", values=(("Temperature", "91 C"),))
-    driver = settled(MOTOR, LASER)
-    driver.stand(12, hot, LASER._replace(level=WARN))
+    driver = settled(MOTOR, LASER).stand(12, hot, LASER._replace(level=WARN))
     evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
     assert evidence == {
         "Motor": "Hot \\u202eagain;\nvalues: Temperature: 91 C;\nalso faulty: Laser WARNING",
@@ -213,8 +200,7 @@ def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
 
 def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
-    driver = StateDriver(fleet=Fleet("f", (robot,)))
-    driver.raw_every(1, SETTLED, MOTOR)
+    driver = StateDriver(fleet=Fleet("f", (robot,))).raw_every(1, SETTLED, MOTOR)
     driver.stand(12, WARM)
     driver.state.forget("r", "Motor", driver.now)
     found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
@@ -226,8 +212,7 @@ def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
 
 def test_a_restart_is_no_event_but_a_robot_that_the_config_no_longer_has_is():
     before = StateDriver()
-    before.raw_every(1, SETTLED, HOT)
-    rows = before.fault_rows()
+    rows = before.raw_every(1, SETTLED, HOT).fault_rows()
     assert fault_events(restarted(before, rows)) == []
     before.state.fleet = Fleet("f")
     (ended,) = fault_events(restarted(before, rows))
@@ -238,30 +223,23 @@ def test_a_restart_is_no_event_but_a_robot_that_the_config_no_longer_has_is():
 
 
 def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
-    driver = StateDriver(Source.AGG)
-    driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
+    driver = StateDriver(Source.AGG).agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
     driver.agg_every(1, 60, *tree(Parts=[HOT, LASER]))
     last = driver.now.wall - 1
     driver.at(driver.now.mono + 30)
     critical = ("component", "critical", "r", "/Parts", "Motor")
     assert driver.fault_names() == {("robot", "silent", "r"), critical}
     assert [each.since for each in driver.state.faults() if not each.identity.component] == [last]
-    driver.agg(*tree(Parts=[HOT, LASER]))
-    assert driver.fault_names() == {critical}
-    driver.agg(*tree(Parts=[MOTOR, LASER]))
-    assert driver.fault_names() == set()
+    assert driver.agg(*tree(Parts=[HOT, LASER])).fault_names() == {critical}
+    assert driver.agg(*tree(Parts=[MOTOR, LASER])).fault_names() == set()
 
 
 def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_after():
-    driver = StateDriver(stale_after=20.0)
-    driver.at(SETTLED)
+    driver = StateDriver(stale_after=20.0).at(SETTLED)
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
-    driver.at(SETTLED + 29)
-    assert driver.fault_names() == set()
-    driver.at(SETTLED + 32)
-    assert driver.fault_names() == {("robot", "silent", "r")}
-    after = restarted(driver, driver.fault_rows())
-    after.at(SETTLED + 1_000)
+    assert driver.at(SETTLED + 29).fault_names() == set()
+    assert driver.at(SETTLED + 32).fault_names() == {("robot", "silent", "r")}
+    after = restarted(driver, driver.fault_rows()).at(SETTLED + 1_000)
     assert after.fault_names() == {("robot", "silent", "r")}  # and it is not pending
     driver.state.update_graph(0, {}, driver.now)
     driver.at(SETTLED + 40)
@@ -275,50 +253,38 @@ def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
     for second in range(120):
         driver.at(second)
         driver.raw(MOTOR, *([slow] if second % 30 == 0 else []))
-    driver.at(180)
-    assert driver.fault_names() == {("robot", "silent", "r")}
-    driver.stand(60, MOTOR)
-    assert driver.fault_names() == set()
-    driver.stand(60, MOTOR)
-    assert driver.fault_names() == {("component", "stale", "r", "Slow")}
-    driver.raw(slow)
-    assert driver.fault_names() == set()
+    assert driver.at(180).fault_names() == {("robot", "silent", "r")}
+    assert driver.stand(60, MOTOR).fault_names() == set()
+    assert driver.stand(60, MOTOR).fault_names() == {("component", "stale", "r", "Slow")}
+    assert driver.raw(slow).fault_names() == set()
 
 
 def test_a_raw_robot_that_falls_silent_has_no_stale_component_before():
     """A component is late after 5 s, its robot silent after 20 s."""
-    driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0)
-    driver.stand(10, HOT, LASER)
+    driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0).stand(10, HOT, LASER)
     critical = ("component", "critical", "r", "Motor")
     assert driver.fault_names() == {critical}
     last = driver.now.mono - 1
-    driver.at(last + 10)
-    assert (driver.level("Motor"), driver.level("Laser")) == (STALE, STALE)
-    driver.at(last + 22)
-    assert driver.fault_names() == {critical}
-    driver.at(last + 24)
-    assert driver.fault_names() == {critical, ("robot", "silent", "r")}
+    assert (driver.at(last + 10).level("Motor"), driver.level("Laser")) == (STALE, STALE)
+    assert driver.at(last + 22).fault_names() == {critical}
+    assert driver.at(last + 24).fault_names() == {critical, ("robot", "silent", "r")}
 
 
 def test_a_raw_component_that_is_late_is_stale_once_another_is_received_after_that():
     driver = settled(MOTOR, LASER, stale_after=60.0, confirm_after=3.0)
     last = driver.now.mono - 1
-    driver.at(last + 30)
-    assert driver.fault_names() == set()
+    assert driver.at(last + 30).fault_names() == set()
     driver.raw(LASER)
-    driver.at(last + 32)
-    assert driver.level("Motor") == STALE
+    assert driver.at(last + 32).level("Motor") == STALE
     assert driver.fault_names() == set()  # its confirm_after
-    driver.at(last + 34)
-    assert driver.fault_names() == {("component", "stale", "r", "Motor")}
+    assert driver.at(last + 34).fault_names() == {("component", "stale", "r", "Motor")}
 
 
 def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot_is_silent():
     rule = ComponentRule(re.compile("Motor"), stale_after=3.0, confirm_after=0.0)
     driver = StateDriver(Source.AGG, components=(rule,))
     driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
-    driver.at(SETTLED + 7)
-    assert driver.level("Motor") == STALE
+    assert driver.at(SETTLED + 7).level("Motor") == STALE
     assert driver.fault_names() == set()
     driver.agg(*tree(Parts=[LASER]))
     assert driver.fault_names() == {("component", "stale", "r", "/Parts", "Motor")}
@@ -343,8 +309,7 @@ def test_what_reports_stale_after_the_robots_return_is_in_trouble_from_that_arra
 
 
 def test_an_aggregator_that_starts_before_its_robot_falls_silent_shows_nothing_to_be_stale():
-    driver = StateDriver(Source.AGG, stale_after=5.0, confirm_after=3.0)
-    driver.agg(*tree(Parts=[MOTOR]))
+    driver = StateDriver(Source.AGG, stale_after=5.0, confirm_after=3.0).agg(*tree(Parts=[MOTOR]))
     driver.at(1)
     driver.agg(Status(STALE, "/Parts", "Stale"))
     driver.at(7)  # the component is late, and then the robot is silent
@@ -369,8 +334,7 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(com
     if component is not None:
         driver.state.plan([planned(component)], driver.now)
     driver.raw_every(1, 60, MOTOR, LASER)
-    driver.raw_every(1, 100, HOT, LASER)
-    assert driver.fault_names() == set()
+    assert driver.raw_every(1, 100, HOT, LASER).fault_names() == set()
     (problem,) = driver.state.problems(driver.now, "r")
     assert problem.suppressed is Reason.MAINTENANCE
     if component != "Motor":
@@ -383,21 +347,17 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(com
 def test_a_robot_that_is_awaited_in_maintenance_is_pending_after_it():
     driver = StateDriver()
     driver.state.plan([planned("", 0, 1_000)], driver.now)
-    driver.at(950)
-    assert driver.fault_names() == set()
-    driver.at(1_002)
-    assert driver.fault_names() == {("robot", "pending", "r")}
+    assert driver.at(950).fault_names() == set()
+    assert driver.at(1_002).fault_names() == {("robot", "pending", "r")}
 
 
 @pytest.mark.parametrize("component", ["", "Motor"])
 def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(component, tmp_path):
     before = StateDriver()
     before.state.plan([planned(component, 0)], before.now)
-    before.raw_every(1, 5, MOTOR, LASER)
-    after = before.again(tmp_path / "exporter.db")
+    after = before.raw_every(1, 5, MOTOR, LASER).again(tmp_path / "exporter.db")
 
-    after.raw_every(1, 149, HOT, LASER)
-    assert after.fault_names() == set()
+    assert after.raw_every(1, 149, HOT, LASER).fault_names() == set()
     after.raw_every(1, 152, HOT, LASER)
     assert after.fault_names() == {("component", "critical", "r", "Motor")}
 
@@ -417,14 +377,12 @@ def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
     driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
     taken = [{row.kind for row in driver.state.take_fault_rows(driver.now)} for _ in range(2)]
     assert ["downtimes" in kinds for kinds in taken] == [True, False]
-    driver.raw_every(1, 60, MOTOR, LASER)
-    fleet = driver.state.fleet
+    fleet = driver.raw_every(1, 60, MOTOR, LASER).state.fleet
     driver.state.configure(replace(fleet, robots=()), driver.now)
     driver.state.configure(
         replace(fleet, faults=replace(fleet.faults, restart_grace=1)), driver.now
     )
-    driver.raw_every(1, 100, HOT, LASER)
-    assert driver.fault_names() == set()
+    assert driver.raw_every(1, 100, HOT, LASER).fault_names() == set()
 
 
 # -- values and checks ---------------------------------------------------------------------------
@@ -445,26 +403,20 @@ BELOW = ("value", "critical", "r", "Motor", "Volt", "low")
     ids=["missing", "no number", "stale"],
 )
 def test_a_value_that_is_no_longer_known_goes_on(status):
-    driver = settled(volt("12"), values=(LOW,))
-    driver.stand(12, volt("9"))
-    driver.stand(60, status)
-    assert BELOW in driver.fault_names()
-    driver.stand(1, volt("12"))
-    assert driver.fault_names() == set()
+    driver = settled(volt("12"), values=(LOW,)).stand(12, volt("9"))
+    assert BELOW in driver.stand(60, status).fault_names()
+    assert driver.stand(1, volt("12")).fault_names() == set()
 
 
 def test_a_stale_component_that_counts_as_ok_confirms_no_value():
     rule = ComponentRule(re.compile("Motor"), levels={STALE: OK})
-    driver = settled(volt("12"), values=(LOW,), components=(rule,))
-    driver.stand(5, volt("9"))
-    driver.stand(60, volt("9")._replace(level=STALE))
-    assert driver.fault_names() == set()
+    driver = settled(volt("12"), values=(LOW,), components=(rule,)).stand(5, volt("9"))
+    assert driver.stand(60, volt("9")._replace(level=STALE)).fault_names() == set()
 
 
 @pytest.mark.parametrize("last", [volt("9"), MOTOR], ids=["published", "missing"])
 def test_a_fault_goes_with_its_threshold(last):
-    driver = settled(volt("12"), values=(LOW,))
-    driver.stand(12, volt("9"))
+    driver = settled(volt("12"), values=(LOW,)).stand(12, volt("9"))
     driver.stand(1, last)
     reloaded(driver, stale_after=11.0)
     assert driver.fault_names() == {BELOW}
@@ -476,12 +428,10 @@ def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
     driver = settled(MOTOR, checks=(Check("all"), motors))
     assert driver.fault_names() == {("check", "critical", "r", "motors")}
-    driver.raw(MOTOR, Status(OK, "Motor 2"))
-    assert driver.fault_names() == set()
+    assert driver.raw(MOTOR, Status(OK, "Motor 2")).fault_names() == set()
 
     driver.state.forget("r", "Motor 2", driver.now)
-    driver.stand(12, MOTOR)
-    assert driver.fault_names() == {("check", "critical", "r", "motors")}
+    assert driver.stand(12, MOTOR).fault_names() == {("check", "critical", "r", "motors")}
     reloaded(driver, checks=(Check("all"),))
     assert driver.fault_names() == set()
 
@@ -490,8 +440,7 @@ def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
 
 
 def test_a_robot_that_the_config_no_longer_has_has_no_faults():
-    driver = settled(MOTOR)
-    driver.stand(12, HOT)
+    driver = settled(MOTOR).stand(12, HOT)
     driver.state.configure(Fleet("f"), driver.now)
     assert driver.fault_names() == set()
     assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
@@ -503,8 +452,7 @@ def test_time_forgets_no_component_with_a_problem():
     """It is missing on a robot that is there: STALE, until a person takes it out."""
     driver = StateDriver(Source.AGG, forget_after=100.0)
     driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR._replace(message="fine"), LASER]))
-    driver.agg_every(1, 400, *tree(Parts=[LASER]))
-    (fault,) = driver.state.faults()
+    (fault,) = driver.agg_every(1, 400, *tree(Parts=[LASER])).state.faults()
     assert fault.evidence.startswith("no longer reports; its last message: fine")
     assert driver.fault_names() == {("component", "stale", "r", "/Parts", "Motor")}
 
@@ -518,8 +466,7 @@ def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
     driver.raw_every(1, SETTLED, MOTOR)
     driver.state.update_graph(0, {}, driver.now)
-    driver.at(500)
-    assert ("check", "critical", "r", "motors") in driver.fault_names()
+    assert ("check", "critical", "r", "motors") in driver.at(500).fault_names()
     assert not [*driver.robot.components]
     assert not restarted(driver, driver.fault_rows()).robot.declared
     driver.state.forget("r", None, driver.now)
@@ -531,11 +478,9 @@ def test_a_discovered_robot_that_was_never_received_goes_with_its_publisher():
     found = Discovery(pattern, "/{robot}/diagnostics", profile=Profile(forget_after=100.0))
     driver = StateDriver(fleet=Fleet("f", discoveries=(found,)))
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
-    driver.at(500)
-    assert driver.fault_names() == {("robot", "silent", "r")}
+    assert driver.at(500).fault_names() == {("robot", "silent", "r")}
     driver.state.update_graph(0, {}, driver.now)
-    driver.at(700)
-    assert not driver.state.robots
+    assert not driver.at(700).state.robots
     assert driver.fault_names() == set()
 
 
@@ -548,26 +493,21 @@ def without_database(driver: StateDriver) -> StateDriver:
 
 
 def test_without_its_database_a_process_goes_on_with_what_fires():
-    before = settled(MOTOR, LASER)
-    before.stand(12, HOT, LASER)
+    before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     before.at(before.now.mono + 100)
     lost = {("component", "critical", "r", "Motor"), ("robot", "silent", "r")}
     assert before.fault_names() == lost
     after = without_database(before)
-    after.at(after.now.mono + 1_000)
-    assert after.fault_names() == lost  # and it is not pending
+    assert after.at(after.now.mono + 1_000).fault_names() == lost  # and it is not pending
     assert after.state.faults() == before.state.faults()
-    after.raw(HOT, LASER)
-    assert after.fault_names() == {("component", "critical", "r", "Motor")}
-    after.raw(MOTOR, LASER)
-    assert after.fault_names() == set()
+    assert after.raw(HOT, LASER).fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.raw(MOTOR, LASER).fault_names() == set()
     ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
     assert ends == {"silent": "", "critical": "OK"}
 
 
 def test_a_person_forgets_what_fires_of_components_that_were_never_received_here():
-    before = settled(MOTOR, LASER)
-    before.stand(12, HOT, LASER)
+    before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
     after.state.forget("no such", None, after.now)
     after.at(after.now.mono + 1_000)
@@ -579,8 +519,7 @@ def test_a_person_forgets_what_fires_of_components_that_were_never_received_here
 
 
 def test_a_person_forgets_one_component_that_was_never_received_here():
-    before = settled(MOTOR, LASER)
-    before.stand(12, HOT, LASER)
+    before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
     assert after.state.forget("r", "Motor", after.now) == 1
     assert ("component", "critical", "r", "Motor") not in after.fault_names()
@@ -589,26 +528,22 @@ def test_a_person_forgets_one_component_that_was_never_received_here():
 
 
 def test_what_fires_of_a_component_that_the_config_ignores_now_ends_at_the_reload():
-    before = settled(MOTOR, LASER)
-    before.stand(12, HOT, LASER)
+    before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
-    after.raw_every(1, 60, LASER)
-    assert after.fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.raw_every(1, 60, LASER).fault_names() == {("component", "critical", "r", "Motor")}
     reloaded(after, components=(ComponentRule(re.compile("Motor"), ignore=True),))
     assert after.fault_names() == set()
 
 
 def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
     rules = (ComponentRule(re.compile("Motor"), reports="on_change", ends_after=60.0),)
-    before = settled(MOTOR, LASER, components=rules)
-    before.stand(12, HOT, LASER)
+    before = settled(MOTOR, LASER, components=rules).stand(12, HOT, LASER)
     after = without_database(before)
     after.at(after.now.mono + 1_000)  # its robot is silent
     begin = after.now.mono
     after.raw_every(1, begin + 115, LASER)  # of which the first minute does not count
     assert ("component", "critical", "r", "Motor") in after.fault_names()
-    after.raw_every(1, begin + 125, LASER)
-    assert after.fault_names() == set()
+    assert after.raw_every(1, begin + 125, LASER).fault_names() == set()
 
 
 def fleet_of_found(number: int) -> StateDriver:
@@ -657,20 +592,17 @@ def test_a_robot_that_was_found_is_kept_as_long_as_something_fires_of_it():
     """It was received by a process whose database is lost, and only announced since."""
     before = fleet_of_found(1)
     send(before, SETTLED, 1)
-    before.at(SETTLED + 60)
-    assert before.fault_names() == {("robot", "silent", "r0")}
+    assert before.at(SETTLED + 60).fault_names() == {("robot", "silent", "r0")}
     after = fleet_of_found(1)
     after.state.adopt(before.state.faults(), after.now)
     after.at(1)
     after.state.update_graph(0, {}, after.now)
-    after.at(1_300)
-    assert after.fault_names() == {("robot", "silent", "r0")}
+    assert after.at(1_300).fault_names() == {("robot", "silent", "r0")}
     assert after.state.served()[1] == []
 
 
 def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
-    before = settled(MOTOR)
-    before.stand(12, HOT)
+    before = settled(MOTOR).stand(12, HOT)
     after = settled(MOTOR)
     after.state.adopt(before.state.faults(), after.now)
     assert after.fault_names() == set()
@@ -678,8 +610,7 @@ def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
 
 
 def test_a_fault_survives_a_restart_until_the_component_is_received_better():
-    before = StateDriver(confirm_after=10.0)
-    before.raw_every(1, SETTLED, MOTOR)
+    before = StateDriver(confirm_after=10.0).raw_every(1, SETTLED, MOTOR)
     before.stand(12, HOT)
     after = restarted(before, before.fault_rows())
     critical = {("component", "critical", "r", "Motor")}
@@ -688,26 +619,20 @@ def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     assert not after.state.settled(after.now)
     after.at(after.now.mono + 20)
     assert after.fault_names() == critical  # nothing received yet, within restart_grace
-    after.stand(20, HOT)
-    assert after.fault_names() == critical
+    assert after.stand(20, HOT).fault_names() == critical
     assert after.state.settled(after.now)
-    after.raw(MOTOR)
-    assert after.fault_names() == set()
+    assert after.raw(MOTOR).fault_names() == set()
 
 
 def test_a_component_that_never_returns_after_a_restart_is_stale():
-    before = StateDriver()
-    before.raw_every(1, SETTLED, MOTOR, LASER)
+    before = StateDriver().raw_every(1, SETTLED, MOTOR, LASER)
     after = restarted(before, before.fault_rows())
-    after.stand(60, LASER)
-    assert after.fault_names() == set()  # its driver may be slow
-    after.stand(60, LASER)
-    assert after.fault_names() == {("component", "stale", "r", "Motor")}
+    assert after.stand(60, LASER).fault_names() == set()  # its driver may be slow
+    assert after.stand(60, LASER).fault_names() == {("component", "stale", "r", "Motor")}
 
 
 def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
-    before = StateDriver(confirm_after=60.0)
-    before.raw_every(1, SETTLED, MOTOR)
+    before = StateDriver(confirm_after=60.0).raw_every(1, SETTLED, MOTOR)
     before.stand(70, HOT)
     after = restarted(before, [])
     after.at(after.now.mono + 20)  # until the robot is received
@@ -723,8 +648,7 @@ def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier()
     before = restarted(settled(MOTOR, confirm_after=60.0), [])
     start = before.now.mono
     before.at(start + 20)
-    after = restarted(before, before.fault_rows())
-    after.at(start + 89)
+    after = restarted(before, before.fault_rows()).at(start + 89)
     assert not after.state.settled(after.now)
     after.at(start + 90)
     assert after.state.settled(after.now)
@@ -744,24 +668,19 @@ def test_a_start_follows_the_settings_of_faults():
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
     fleet = Fleet("f", (robot,), faults=FaultSettings(pending_after=100.0))
     driver = restarted(StateDriver(fleet=fleet), [])
-    driver.at(99)
-    assert driver.fault_names() == set()
-    driver.at(101)
-    assert driver.fault_names() == {("robot", "pending", "r")}
+    assert driver.at(99).fault_names() == set()
+    assert driver.at(101).fault_names() == {("robot", "pending", "r")}
 
 
 def test_a_fault_follows_its_component_that_is_in_another_group_after_a_start():
-    before = StateDriver(Source.AGG)
-    before.agg_every(1, 60, *tree(Old=[HOT]))
+    before = StateDriver(Source.AGG).agg_every(1, 60, *tree(Old=[HOT]))
     driver = restarted(before, before.fault_rows())
     assert driver.fault_names() == {("component", "critical", "r", "/Old", "Motor")}
-    driver.agg(*tree(New=[MOTOR]))
-    assert driver.fault_names() == set()
+    assert driver.agg(*tree(New=[MOTOR])).fault_names() == set()
 
 
 def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
-    before = settled(MOTOR)
-    before.stand(12, HOT)
+    before = settled(MOTOR).stand(12, HOT)
     ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
     (robot,) = before.state.fleet.robots
     before.state.fleet = replace(before.state.fleet, robots=(replace(robot, profile=ignoring),))
@@ -775,8 +694,7 @@ def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
 def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
     driver = settled(MOTOR)
     trick = Status(ERROR, "Motor", "work: can drive;\nvalues: none", "", (("a;\nrobots", "b"),))
-    driver.stand(12, trick)
-    (fault,) = driver.state.faults()
+    (fault,) = driver.stand(12, trick).state.faults()
     assert fault.evidence == "work: can drive; values: none;\nvalues: a; robots: b"
     assert fault.capabilities == ""
 
@@ -814,19 +732,16 @@ def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
 def test_a_component_keeps_its_label_when_another_of_its_name_has_gone():
     parts = [Status(level, f"Motor {letter}") for level, letter in ((OK, "a"), (ERROR, "b"))]
     driver = settled(*parts)
-    driver.stand(12, *parts)
-    (fault,) = driver.fault_names()
+    (fault,) = driver.stand(12, *parts).fault_names()
     assert driver.state.forget("r", "Motor", driver.now) == 1
     driver.stand(12, parts[1])
     assert driver.fault_names() == {fault} == {("component", "critical", "r", "Motor~2")}
-    driver.stand(1, *parts)
-    assert {each.label for each in driver.robot.components} == {"Motor~2", "Motor"}
+    assert {each.label for each in driver.stand(1, *parts).robot.components} == {"Motor~2", "Motor"}
 
 
 @pytest.mark.parametrize("levels", [(ERROR, OK), (OK, ERROR), (7, STALE), (STALE, WARN)])
 def test_of_one_name_twice_in_an_array_the_worse_counts_and_it_is_reported(levels):
-    driver = StateDriver()
-    driver.raw(*(Status(level, "Motor", hardware_id="m") for level in levels))
+    driver = StateDriver().raw(*(Status(level, "Motor", hardware_id="m") for level in levels))
     assert driver.level("Motor") == {ERROR: ERROR, 7: ERROR, STALE: STALE}[max(levels)]
     assert driver.sample("robot_rejected_total", reason="duplicate_component") == 1
 
@@ -846,8 +761,7 @@ OF_COMPONENT = {"settings": JUDGED, "level": 2, "since": None, "counted": False,
 )
 def test_a_row_that_cannot_be_restored_is_named_and_harms_no_other(row):
     driver = settled(MOTOR)
-    driver.stand(12, HOT)
-    rows = driver.fault_rows()
+    rows = driver.stand(12, HOT).fault_rows()
     assert driver.state.restore_faults([*rows, row], driver.now) == [row]
     assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
@@ -912,9 +826,7 @@ def test_a_condition_suppresses_errors_of_what_may_be_stale_as_planned():
 def test_what_suppresses_a_component_is_known_while_the_condition_and_the_robot_are():
     charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
     driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), when=(charging,)),))
-    driver.stand(2, HOT)
-    assert driver.component("Motor").suppressed_because == ""
+    assert driver.stand(2, HOT).component("Motor").suppressed_because == ""
     driver.stand(2, HOT, Status(WARN, "Charger"))
     assert driver.component("Motor").suppressed_because == "only when Charger is OK"
-    driver.at(driver.now.mono + 60)
-    assert driver.component("Motor").suppressed_because == ""
+    assert driver.at(driver.now.mono + 60).component("Motor").suppressed_because == ""

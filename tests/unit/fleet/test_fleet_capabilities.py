@@ -90,17 +90,13 @@ def evidence(hall):
 
 
 def test_before_too_few_can_the_fleet_has_no_reserve(hall):
-    hall.work(30, r1=ERROR)
-    assert hall.changes == []
-    hall.work(30, r2=ERROR)
-    assert hall.changes == ["began no_reserve"]
+    assert hall.work(30, r1=ERROR).changes == []
+    assert hall.work(30, r2=ERROR).changes == ["began no_reserve"]
     assert evidence(hall) == ["3 of 5 robots can;\nr1 has lost lifting;\nr2 has lost lifting"]
-    hall.work(30, r3=ERROR)
-    assert hall.changes[1:] == ["began lost"]
+    assert hall.work(30, r3=ERROR).changes[1:] == ["began lost"]
     hall.work(30, r1=OK)
     assert hall.changes[2:] == ["ended recovered lost"]  # no reserve goes on under it
-    hall.work(30, r2=OK, r3=OK)
-    assert hall.changes[3:] == ["ended recovered no_reserve"]
+    assert hall.work(30, r2=OK, r3=OK).changes[3:] == ["ended recovered no_reserve"]
 
 
 def test_each_robot_has_its_own_fault_all_the_same(hall):
@@ -110,15 +106,13 @@ def test_each_robot_has_its_own_fault_all_the_same(hall):
 
 
 def test_robots_elsewhere_and_those_that_have_no_such_capability_do_not_count(hall):
-    hall.work(30, far=ERROR, dog=ERROR, r1=ERROR)
-    assert hall.changes == []
+    assert hall.work(30, far=ERROR, dog=ERROR, r1=ERROR).changes == []
     (view,) = hall.state.needs(None).values()
     assert {each.robot for each in view.parts} == set(IN_HALL)
 
 
 def test_a_warning_of_as_many_as_are_needed_degrades_it(hall):
-    hall.work(30, **dict.fromkeys(IN_HALL[:3], WARN))
-    assert hall.changes == ["began degraded"]
+    assert hall.work(30, **dict.fromkeys(IN_HALL[:3], WARN)).changes == ["began degraded"]
     hall.work(30, **dict.fromkeys(IN_HALL[:3], OK))
     assert hall.changes[1:] == ["ended recovered degraded"]
 
@@ -129,18 +123,14 @@ def test_of_silent_robots_it_is_not_known(hall):
     assert evidence(hall) == [
         "3 of 5 robots can;\nr1 may not have lifting;\nr2 may not have lifting"
     ]
-    hall.work(60, r3=None)
-    (view,) = hall.state.needs(None).values()
+    (view,) = hall.work(60, r3=None).state.needs(None).values()
     assert view.state.name == "UNKNOWN"
-    hall.work(60, r4=None, r5=None)
-    assert hall.changes == ["began no_reserve"]
-    hall.work(60, **dict.fromkeys(IN_HALL, OK))
-    assert hall.changes[1:] == ["ended recovered no_reserve"]
+    assert hall.work(60, r4=None, r5=None).changes == ["began no_reserve"]
+    assert hall.work(60, **dict.fromkeys(IN_HALL, OK)).changes[1:] == ["ended recovered no_reserve"]
 
 
 def test_that_all_are_silent_begins_nothing(hall):
-    hall.work(120, **dict.fromkeys(IN_HALL))
-    assert hall.changes == []
+    assert hall.work(120, **dict.fromkeys(IN_HALL)).changes == []
 
 
 MAINTENANCE = """
@@ -159,22 +149,18 @@ def in_maintenance(robot, after, until):
 def test_a_robot_in_maintenance_is_left_out(tmp_path):
     hall = Hall(tmp_path, more=in_maintenance("r2", 50, 500)).work(100, r2=OK)
     assert hall.changes == []
-    hall.work(60, r2=ERROR)
-    assert hall.changes == []
-    hall.work(60, r1=ERROR)
-    assert hall.changes == ["began no_reserve"]  # three are left that can
+    assert hall.work(60, r2=ERROR).changes == []
+    assert hall.work(60, r1=ERROR).changes == ["began no_reserve"]  # three are left that can
     assert evidence(hall) == ["3 of 5 robots can, 1 in maintenance;\nr1 has lost lifting"]
 
 
 def test_maintenance_ends_nothing_and_what_is_well_after_it_ends_then(tmp_path):
     hall = Hall(tmp_path, more=in_maintenance("r2", 100, 200), names=IN_HALL[:4]).work(40)
-    hall.work(50, r2=ERROR)
-    assert hall.changes == ["began no_reserve"]
+    assert hall.work(50, r2=ERROR).changes == ["began no_reserve"]
     hall.work(60).work(30, r2=OK)
     assert hall.now.mono < 200
     assert hall.changes == ["began no_reserve"]
-    hall.work(60)
-    assert hall.changes[1:] == ["ended recovered no_reserve"]
+    assert hall.work(60).changes[1:] == ["ended recovered no_reserve"]
 
 
 def test_a_restart_neither_ends_nor_repeats_it(hall, tmp_path):
@@ -182,33 +168,26 @@ def test_a_restart_neither_ends_nor_repeats_it(hall, tmp_path):
     again = Hall(tmp_path)
     again.levels = {**hall.levels, "r4": None}
     again.restore_faults(hall.fault_rows())
-    again.work(200)
-    assert again.changes == []
-    again.work(60, r1=OK, r2=OK, r4=OK)
-    assert again.changes == ["ended recovered no_reserve"]
+    assert again.work(200).changes == []
+    assert again.work(60, r1=OK, r2=OK, r4=OK).changes == ["ended recovered no_reserve"]
 
 
 def test_without_its_database_a_process_goes_on_with_what_fires(hall, tmp_path):
-    hall.work(60, r1=ERROR, r2=ERROR)
-    firing = hall.state.faults()
+    firing = hall.work(60, r1=ERROR, r2=ERROR).state.faults()
     again = Hall(tmp_path)
     again.levels = {**hall.levels, "r1": None, "r2": None}  # not received again yet
     again.state.adopt(firing, again.now)
-    again.work(300)
-    assert "ended recovered no_reserve" not in again.changes
-    again.work(60, r1=OK, r2=OK)
-    assert again.changes[-1] == "ended recovered no_reserve"
+    assert "ended recovered no_reserve" not in again.work(300).changes
+    assert again.work(60, r1=OK, r2=OK).changes[-1] == "ended recovered no_reserve"
 
 
 def test_what_is_removed_from_the_file_ends_as_removed(hall, tmp_path):
-    hall.work(60, r1=ERROR, r2=ERROR)
-    text = hall.path.read_text()
+    text = hall.work(60, r1=ERROR, r2=ERROR).path.read_text()
     hall.path.write_text(
         "".join(line for line in text.splitlines(keepends=True) if "lifting at" not in line)
     )
     hall.state.configure(load(hall.path), hall.now)
-    hall.work(3)
-    assert hall.changes[1:] == ["ended removed no_reserve"]
+    assert hall.work(3).changes[1:] == ["ended removed no_reserve"]
 
 
 def test_one_capability_of_the_fleet_rests_on_another_and_on_expressions(tmp_path):

@@ -39,7 +39,7 @@ class Driver(StateDriver):
 
     link: LinkReading | None = WELL
 
-    def go_on(self, seconds: float, *nodes: str, statuses=(MOTOR,)) -> None:
+    def go_on(self, seconds: float, *nodes: str, statuses=(MOTOR,)):
         end = self.now.mono + seconds
         while self.now.mono < end:
             if statuses:
@@ -47,6 +47,7 @@ class Driver(StateDriver):
             self.state.update_links(0, {"/r/diagnostics": self.link}, self.now)
             self.state.update_nodes(0, [(each, "/r") for each in nodes], self.now)
             self.at(self.now.mono + 1)
+        return self
 
     def faults(self) -> list[tuple[str, str]]:
         found = self.state.faults()
@@ -55,26 +56,19 @@ class Driver(StateDriver):
 
 def test_a_node_that_is_gone_is_a_fault_of_its_robot_until_it_is_back():
     driver = Driver(fleet=fleet())
-    driver.go_on(5, *USUAL)
-    assert driver.sample("robot_expected_nodes") == 0
-    driver.go_on(65, *USUAL)
-    assert [each.name for each in driver.robot.components] == ["Motor"]
+    assert driver.go_on(5, *USUAL).sample("robot_expected_nodes") == 0
+    assert [each.name for each in driver.go_on(65, *USUAL).robot.components] == ["Motor"]
     driver.go_on(14, "diag")
     assert (driver.faults(), driver.component("node amcl").group) == ([], "ROS graph")
-    driver.go_on(4, "diag")
-    assert driver.faults() == [("node amcl", "critical")]
+    assert driver.go_on(4, "diag").faults() == [("node amcl", "critical")]
     assert driver.sample("robot_expected_nodes") == 2
-    driver.go_on(2, *USUAL)
-    assert (driver.faults(), driver.level("node amcl")) == ([], OK)
-    driver.go_on(3700, *USUAL)
-    assert [each.name for each in driver.robot.components] == ["Motor"]
+    assert (driver.go_on(2, *USUAL).faults(), driver.level("node amcl")) == ([], OK)
+    assert [each.name for each in driver.go_on(3700, *USUAL).robot.components] == ["Motor"]
 
 
 def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
-    driver = Driver(fleet=fleet(mode="auto"))
-    driver.go_on(70, *USUAL)
-    driver.go_on(60, "diag")
-    component = driver.component("node amcl")
+    driver = Driver(fleet=fleet(mode="auto")).go_on(70, *USUAL)
+    component = driver.go_on(60, "diag").component("node amcl")
     assert (component.level, component.suppressed_because) == (
         ERROR,
         "shadow mode (graph in fleet.yml)",
@@ -83,15 +77,13 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
     assert driver.sample("component_problem_level", component="node amcl") is None
     assert driver.faults() == []
     driver.state.configure(fleet(mode="auto", learn_after=61.0), driver.now)
-    driver.go_on(60, "diag")
-    assert driver.faults() == []
+    assert driver.go_on(60, "diag").faults() == []
 
     driver.state.configure(fleet(mode="on"), driver.now)
     driver.go_on(45, "diag")
     assert (driver.faults(), component.suppressed_because) == ([("node amcl", "critical")], "")
     driver.state.configure(fleet(mode="on", learn_after=61.0), driver.now)
-    driver.go_on(45, "diag")
-    assert driver.faults() == [("node amcl", "critical")]
+    assert driver.go_on(45, "diag").faults() == [("node amcl", "critical")]
     assert not [each for each in driver.events if each.kind == "fault_ended"]
 
 
@@ -103,11 +95,9 @@ def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():
     driver.go_on(60, *USUAL)
     assert (driver.level("Laser"), driver.faults()) == (STALE, [("link", "critical")])
     driver.link = WELL
-    driver.go_on(20, *USUAL)
-    assert driver.faults() == [("Laser", "stale")]
+    assert driver.go_on(20, *USUAL).faults() == [("Laser", "stale")]
     driver.link = LOSSY
-    driver.go_on(20, *USUAL)
-    assert driver.faults() == [("Laser", "stale"), ("link", "critical")]
+    assert driver.go_on(20, *USUAL).faults() == [("Laser", "stale"), ("link", "critical")]
 
 
 @pytest.mark.parametrize("was_late", [False, True])
@@ -139,8 +129,7 @@ def test_what_is_not_received_after_an_error_does_not_hide_what_depends_on_it(ho
     if how == "messages are lost":
         driver.link = LOSSY
     driver.go_on(3, *USUAL, statuses=(MOTOR, mode, board._replace(level=ERROR), lidar))
-    driver.go_on(20, *USUAL, statuses=(MOTOR, lidar))
-    assert driver.level("Board") == STALE
+    assert driver.go_on(20, *USUAL, statuses=(MOTOR, lidar)).level("Board") == STALE
     driver.go_on(15, *USUAL, statuses=(MOTOR, lidar._replace(level=ERROR)))
     assert ("Lidar", "critical") in driver.faults()
     assert not [name for name, _state in driver.faults() if name == "Board"]
@@ -158,33 +147,27 @@ def test_what_reports_only_changes_does_not_end_while_messages_are_lost():
     driver.link = LOSSY
     driver.go_on(300, *USUAL)
     driver.link = WELL
-    driver.go_on(50, *USUAL)
-    assert driver.faults() == [("Gripper", "critical")]
-    driver.go_on(15, *USUAL)
-    assert driver.faults() == []
+    assert driver.go_on(50, *USUAL).faults() == [("Gripper", "critical")]
+    assert driver.go_on(15, *USUAL).faults() == []
 
 
 def test_a_link_that_loses_messages_suppresses_nothing_in_shadow():
     driver = Driver(fleet=fleet(mode="shadow"))
     driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
     driver.link = LOSSY
-    driver.go_on(60, *USUAL)
-    assert driver.level("link") == ERROR
+    assert driver.go_on(60, *USUAL).level("link") == ERROR
     assert driver.faults() == [("Laser", "stale")]
 
 
 def test_what_a_person_forgets_or_accepts_is_no_fault_any_more():
-    driver = Driver(fleet=fleet())
-    driver.go_on(70, *USUAL, "driver", "lift")
+    driver = Driver(fleet=fleet()).go_on(70, *USUAL, "driver", "lift")
     driver.go_on(30, "diag")
     found = [("node amcl", "critical"), ("node driver", "critical"), ("node lift", "critical")]
     assert driver.faults() == found
     assert driver.state.forget("r", "node amcl", driver.now) == 1
-    driver.go_on(60, "diag")
-    assert driver.faults() == found[1:]
+    assert driver.go_on(60, "diag").faults() == found[1:]
     assert driver.state.accept_graph("r", driver.now) == 1
-    driver.go_on(60, "diag")
-    assert driver.faults() == []
+    assert driver.go_on(60, "diag").faults() == []
     assert {each.reason for each in driver.events if each.kind == "fault_ended"} == {
         "removed",
         "recovered",
@@ -194,29 +177,23 @@ def test_what_a_person_forgets_or_accepts_is_no_fault_any_more():
 def test_how_messages_arrive_is_served_while_it_is_known():
     driver = Driver(fleet=fleet())
     driver.link = LOSSY
-    driver.go_on(5, *USUAL)
-    assert driver.sample("robot_link_lost_ratio") == 0.4
+    assert driver.go_on(5, *USUAL).sample("robot_link_lost_ratio") == 0.4
     assert driver.sample("robot_link_delay_seconds") == 0.5
     assert driver.sample("robot_link_jitter_seconds") == 0.1
     driver.link = None
-    driver.go_on(5, *USUAL)
-    assert driver.sample("robot_link_lost_ratio") is None
+    assert driver.go_on(5, *USUAL).sample("robot_link_lost_ratio") is None
 
 
 def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
-    driver = Driver(fleet=fleet())
-    driver.go_on(70, *USUAL)
-    driver.go_on(30, "diag")
-    assert driver.faults() == [("node amcl", "critical")]
+    driver = Driver(fleet=fleet()).go_on(70, *USUAL)
+    assert driver.go_on(30, "diag").faults() == [("node amcl", "critical")]
     driver.keep(tmp_path / "state.db").close()
     again = Driver(fleet=fleet())
     with closing(Storage(tmp_path / "state.db")) as storage:
         storage.load(again.state, again.now)
-    again.go_on(300, "diag")
-    assert again.faults() == [("node amcl", "critical")]
+    assert again.go_on(300, "diag").faults() == [("node amcl", "critical")]
     assert not [each for each in again.events if each.kind == "fault_ended"]
-    again.go_on(5, *USUAL)
-    assert again.faults() == []
+    assert again.go_on(5, *USUAL).faults() == []
 
 
 WATCHED = Watched(logs=True, log_faults=(re.compile("out of memory"),), log_ends_after=1000.0)
@@ -225,8 +202,7 @@ WATCHED = Watched(logs=True, log_faults=(re.compile("out of memory"),), log_ends
 def restarted(driver: Driver, site: Fleet, path: Path, away: float) -> Driver:
     """Another process that goes on from the database of the first after so many seconds."""
     driver.keep(path).close()
-    again = Driver(fleet=site)
-    again.at(driver.now.mono + away)
+    again = Driver(fleet=site).at(driver.now.mono + away)
     with closing(Storage(path)) as storage:
         storage.load(again.state, again.now)
     return again
@@ -237,8 +213,7 @@ def ended(driver: Driver) -> list[str]:
 
 
 def test_what_was_logged_or_fell_neither_ends_nor_begins_anew_with_a_restart(tmp_path: Path):
-    driver = Driver(fleet=fleet(watch=WATCHED))
-    driver.go_on(5, *USUAL)
+    driver = Driver(fleet=fleet(watch=WATCHED)).go_on(5, *USUAL)
     driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
     fell = Transition("errorprocessing", "unconfigured")
     driver.state.receive_watched(0, "/r/diag/transition_event", fell, driver.now)
@@ -246,17 +221,14 @@ def test_what_was_logged_or_fell_neither_ends_nor_begins_anew_with_a_restart(tmp
     both = [("lifecycle diag", "critical"), ("log amcl", "critical")]
     assert driver.faults() == both
     again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 2000)
-    again.go_on(940, *USUAL)
-    assert (again.faults(), ended(again)) == (both, [])
+    assert (again.go_on(940, *USUAL).faults(), ended(again)) == (both, [])
     began = [each.component for each in again.events if each.kind == "fault_began"]
     assert "log amcl" not in began
-    again.go_on(100, *USUAL)
-    assert (again.faults(), ended(again)) == (both[:1], ["log amcl"])
+    assert (again.go_on(100, *USUAL).faults(), ended(again)) == (both[:1], ["log amcl"])
 
 
 def test_a_log_fault_does_not_end_while_its_robot_is_silent():
-    driver = Driver(fleet=fleet(watch=WATCHED))
-    driver.go_on(5, *USUAL)
+    driver = Driver(fleet=fleet(watch=WATCHED)).go_on(5, *USUAL)
     driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
     driver.go_on(50, *USUAL)
     driver.go_on(5000, statuses=())
@@ -268,14 +240,11 @@ def test_a_log_fault_does_not_end_while_its_robot_is_silent():
 
 
 def test_what_the_config_ignores_is_no_fault_any_more_also_of_a_robot_that_is_off():
-    driver = Driver(fleet=fleet())
-    driver.go_on(70, *USUAL)
+    driver = Driver(fleet=fleet()).go_on(70, *USUAL)
     driver.go_on(30, "diag")
-    driver.go_on(60, statuses=())
-    assert ("node amcl", "critical") in driver.faults()
+    assert ("node amcl", "critical") in driver.go_on(60, statuses=()).faults()
     driver.state.configure(fleet(ignore=(re.compile("amcl"),)), driver.now)
-    driver.go_on(2, statuses=())
-    assert ("node amcl", "critical") not in driver.faults()
+    assert ("node amcl", "critical") not in driver.go_on(2, statuses=()).faults()
     ends = [each for each in driver.events if each.kind == "fault_ended"]
     assert [(each.component, each.reason) for each in ends] == [("node amcl", "removed")]
 
@@ -283,8 +252,7 @@ def test_what_the_config_ignores_is_no_fault_any_more_also_of_a_robot_that_is_of
 @pytest.mark.parametrize("mode", ["auto", "shadow"])
 def test_what_the_config_asks_for_is_a_fault_of_a_shadow_too(mode):
     watch = Watched(logs=True, log_faults=WATCHED.log_faults, transitions=True)
-    driver = Driver(fleet=fleet(mode=mode, watch=watch))
-    driver.go_on(70, *USUAL)
+    driver = Driver(fleet=fleet(mode=mode, watch=watch)).go_on(70, *USUAL)
     driver.state.receive_watched(0, "/rosout", Log("r.diag", "out of memory"), driver.now)
     fell = Transition("errorprocessing", "finalized")
     driver.state.receive_watched(0, "/r/diag/transition_event", fell, driver.now)
@@ -309,23 +277,20 @@ def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():
 def test_without_stamps_the_clock_is_judged_by_the_link(behind, where):
     driver = Driver(fleet=fleet())
     driver.link = WELL._replace(behind=behind)
-    driver.go_on(90, *USUAL)
-    assert driver.sample("robot_link_clock_offset_seconds") == behind
+    assert driver.go_on(90, *USUAL).sample("robot_link_clock_offset_seconds") == behind
     [fault] = driver.state.faults()
     assert fault.identity.state.value == "clock"
     assert fault.evidence == f"its clock is 90 s {where} the exporter's"
 
 
 def test_of_a_robot_that_is_not_watched_any_more_nothing_of_the_graph_is_left():
-    driver = Driver(fleet=fleet())
-    driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
+    driver = Driver(fleet=fleet()).go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
     driver.go_on(30, "diag")
     driver.link = LOSSY
     driver.go_on(60, "diag")
     assert {each for each, _state in driver.faults()} == {"Laser", "link", "node amcl"}
     driver.state.configure(fleet(mode="off"), driver.now)
-    driver.go_on(5, "diag")
-    assert [each.name for each in driver.robot.components] == ["Motor", "Laser"]
+    assert [each.name for each in driver.go_on(5, "diag").robot.components] == ["Motor", "Laser"]
     assert driver.faults() == [("Laser", "stale")]
     assert driver.sample("robot_expected_nodes") is None
     driver.go_on(60, "diag", statuses=(Status(OK, "Laser", "OK"),))

@@ -37,6 +37,7 @@ class Driver(StateDriver):
             if answers and second % 15 == 0:
                 self.answer(*statuses)
             self.at(second + 1)
+        return self
 
     def faults(self) -> list[tuple[str, str]]:
         found = self.state.faults()
@@ -53,64 +54,49 @@ def test_it_is_a_component_of_the_robot_and_a_fault_after_the_querys_time(driver
     driver.pass_to(49, FULL)
     assert (driver.component("disk").group, driver.level("disk")) == ("Host", ERROR)
     assert driver.faults() == []
-    driver.pass_to(51, FULL)
-    assert driver.faults() == [("disk", "critical")]
+    assert driver.pass_to(51, FULL).faults() == [("disk", "critical")]
     labels = {"fleet": "f", "robot": "r", "component": "disk", "group": "Host"}
     assert driver.sample("component_level", **labels) == ERROR
-    driver.pass_to(61, DISK)
-    assert driver.faults() == []
+    assert driver.pass_to(61, DISK).faults() == []
 
 
 def test_its_answers_do_not_make_a_robot_up_and_their_absence_does_not_make_it_silent(driver):
     driver.answer(FULL)
-    driver.at(1)
-    assert not driver.robot.up
+    assert not driver.at(1).robot.up
     assert driver.level("disk") == ERROR
 
-    driver.pass_to(30, DISK)
-    assert driver.robot.up
-    driver.pass_to(300, answers=False)
-    assert driver.robot.up
+    assert driver.pass_to(30, DISK).robot.up
+    assert driver.pass_to(300, answers=False).robot.up
 
     driver.answer(FULL)
-    driver.pass_to(320, ros=False, answers=False)
-    assert not driver.robot.up
+    assert not driver.pass_to(320, ros=False, answers=False).robot.up
     assert (driver.level("Motor"), driver.level("disk")) == (STALE, ERROR)
     assert driver.faults() == [("", "silent")]
-    driver.at(400)
-    assert driver.level("disk") == STALE
+    assert driver.at(400).level("disk") == STALE
 
 
 def test_while_prometheus_does_not_answer_it_is_stale_and_nothing_begins_or_ends(driver):
-    driver.pass_to(40, FULL)
-    assert driver.faults() == [("disk", "critical")]
-    driver.pass_to(40 + ABSENT, answers=False)
-    assert driver.level("disk") == STALE
+    assert driver.pass_to(40, FULL).faults() == [("disk", "critical")]
+    assert driver.pass_to(40 + ABSENT, answers=False).level("disk") == STALE
     assert driver.faults() == [("disk", "critical")]
 
-    well = Driver()
-    well.pass_to(30, DISK)
-    well.pass_to(30 + 3600, answers=False)
-    assert (well.level("disk"), well.faults()) == (STALE, [])
+    well = Driver().pass_to(30, DISK)
+    assert (well.pass_to(30 + 3600, answers=False).level("disk"), well.faults()) == (STALE, [])
     well.answer(DISK)
     assert well.level("disk") == OK
 
 
 def test_what_an_answer_lacks_is_a_stale_component(driver):
     driver.pass_to(30, DISK)
-    driver.pass_to(30 + 60)
-    assert driver.faults() == []
+    assert driver.pass_to(30 + 60).faults() == []
     driver.pass_to(30 + ABSENT)
     assert (driver.level("disk"), driver.faults()) == (STALE, [("disk", "stale")])
-    driver.pass_to(30 + ABSENT + 20, DISK)
-    assert driver.faults() == []
+    assert driver.pass_to(30 + ABSENT + 20, DISK).faults() == []
 
 
 def test_a_stale_that_is_planned_is_no_fault_and_ends_none():
-    driver = Driver(query=replace(QUERY, planned_stale=True))
-    driver.pass_to(30, DISK)
-    driver.pass_to(30 + ABSENT)
-    assert (driver.level("disk"), driver.faults()) == (STALE, [])
+    driver = Driver(query=replace(QUERY, planned_stale=True)).pass_to(30, DISK)
+    assert (driver.pass_to(30 + ABSENT).level("disk"), driver.faults()) == (STALE, [])
     driver.pass_to(200, FULL)
     driver.pass_to(200 + ABSENT)
     assert (driver.level("disk"), driver.faults()) == (STALE, [("disk", "critical")])
@@ -123,22 +109,18 @@ def test_what_has_no_ros_is_up_once_it_is_measured_and_never_silent(tmp_path: Pa
     assert driver.state.fleet.domain_ids == ()
     driver.answer()
     assert not driver.robot.up
-    driver.at(1000)
-    assert driver.faults() == [("", "pending")]
+    assert driver.at(1000).faults() == [("", "pending")]
 
     driver.answer(DISK)
-    driver.at(1001)
-    assert (driver.robot.up, driver.faults()) == (True, [])
+    assert (driver.at(1001).robot.up, driver.faults()) == (True, [])
     driver.at(3000)  # Prometheus is away
     assert (driver.robot.up, driver.level("disk"), driver.faults()) == (True, STALE, [])
     driver.answer()  # and the server is not measured
-    driver.at(3100)
-    assert (driver.robot.up, driver.faults()) == (True, [("disk", "stale")])
+    assert (driver.at(3100).robot.up, driver.faults()) == (True, [("disk", "stale")])
 
     driver.keep(tmp_path / "db")
     again = driver.restart(tmp_path / "db")
-    again.at(100)
-    assert (again.robot.up, [each.identity.component for each in again.state.faults()]) == (
+    assert (again.at(100).robot.up, [each.identity.component for each in again.state.faults()]) == (
         True,
         ["disk"],
     )
@@ -146,11 +128,9 @@ def test_what_has_no_ros_is_up_once_it_is_measured_and_never_silent(tmp_path: Pa
 
 
 def test_an_aggregator_that_does_not_list_it_says_nothing_of_it():
-    driver = Driver(Source.AGG)
-    driver.agg(*tree(Drive=[MOTOR]))
+    driver = Driver(Source.AGG).agg(*tree(Drive=[MOTOR]))
     driver.answer(DISK)
-    driver.agg(*tree(Drive=[MOTOR], Power=[Status(OK, "Battery", "OK")]))
-    assert driver.level("disk") == OK
+    assert driver.agg(*tree(Drive=[MOTOR], Power=[Status(OK, "Battery", "OK")])).level("disk") == OK
     driver.agg(*tree(Host=[Status(WARN, "disk", "mine")]))
     found = [(each.group, each.level) for each in driver.robot.components if each.name == "disk"]
     assert found == [("Host", OK), ("/Host", WARN)]
@@ -169,8 +149,7 @@ def test_after_a_restart_it_is_the_same_component_and_no_fault_for_want_of_an_an
         found = [each.identity.component for each in again.state.faults()]
         assert (again.level("disk"), found) == (STALE, ["disk"])
         again.state.receive_answer(QUERY.feed, {"r": [DISK]}, again.now)
-        again.raw(MOTOR)
-        assert again.level("disk") == OK
+        assert again.raw(MOTOR).level("disk") == OK
         assert again.state.faults() == []
         assert len(again.robot.components) == 2
     finally:

@@ -26,10 +26,8 @@ def test_each_action_that_an_entry_names_is_a_component(mission):
 
 
 def test_aborted_goals_are_a_warning_and_then_critical(mission):
-    mission.run(GOTO, ABORTED)
-    assert mission.level(GOTO) == OK
-    mission.run(GOTO, ABORTED)
-    assert mission.level(GOTO) == WARN
+    assert mission.run(GOTO, ABORTED).level(GOTO) == OK
+    assert mission.run(GOTO, ABORTED).level(GOTO) == WARN
     mission.run(GOTO, SUCCEEDED)
     mission.run(GOTO, ABORTED, 2)
 
@@ -38,30 +36,21 @@ def test_aborted_goals_are_a_warning_and_then_critical(mission):
 
 
 def test_an_aborted_goal_is_a_fault_until_one_succeeds_again(mission):
-    mission.run(DOCK, ABORTED)
-    mission.stand(11)
-    assert mission.faults == {DOCK}
+    assert mission.run(DOCK, ABORTED).stand(11).faults == {DOCK}
 
-    mission.run(DOCK, SUCCEEDED)
-    assert mission.faults == set()
+    assert mission.run(DOCK, SUCCEEDED).faults == set()
 
 
 def test_as_many_as_are_too_many_have_to_succeed_in_a_row(mission):
-    mission.run(GOTO, ABORTED, 2)
-    mission.run(GOTO, SUCCEEDED)
-    assert mission.level(GOTO) == WARN
+    assert mission.run(GOTO, ABORTED, 2).run(GOTO, SUCCEEDED).level(GOTO) == WARN
 
-    mission.run(GOTO, SUCCEEDED)
-    assert mission.level(GOTO) == OK
+    assert mission.run(GOTO, SUCCEEDED).level(GOTO) == OK
 
 
 def test_aborted_goals_are_over_after_their_time(mission):
-    mission.run(DOCK, ABORTED)
-    mission.stand(590)
-    assert mission.level(DOCK) == ERROR
+    assert mission.run(DOCK, ABORTED).stand(590).level(DOCK) == ERROR
 
-    mission.stand(15)
-    assert mission.level(DOCK) == OK
+    assert mission.stand(15).level(DOCK) == OK
 
 
 def test_the_time_does_not_run_while_the_server_is_away(mission):
@@ -73,20 +62,15 @@ def test_the_time_does_not_run_while_the_server_is_away(mission):
 
 
 def test_a_goal_that_runs_for_too_long_is_a_warning_until_it_ends(mission):
-    mission.begin(GOTO)
-    mission.stand(899)
-    assert mission.level(GOTO) == OK
-    mission.stand(3)
-    assert mission.level(GOTO) == WARN
+    assert mission.begin(GOTO).stand(899).level(GOTO) == OK
+    assert mission.stand(3).level(GOTO) == WARN
     assert mission.message(GOTO) == "a goal has been running for longer than 15m"
 
-    mission.end(GOTO, SUCCEEDED)
-    assert mission.level(GOTO) == OK
+    assert mission.end(GOTO, SUCCEEDED).level(GOTO) == OK
 
 
 def test_recoveries_count_by_their_beginning(mission):
-    mission.run(SPIN, SUCCEEDED, 2)
-    assert mission.level(SPIN) == OK
+    assert mission.run(SPIN, SUCCEEDED, 2).level(SPIN) == OK
     mission.run(SPIN, ABORTED)
 
     assert mission.level(SPIN) == WARN
@@ -147,21 +131,16 @@ def test_goals_that_are_no_mission_and_all_beyond_ten_a_minute_are_only_counted(
 
 
 def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, tmp_path):
-    mission.run(GOTO, ABORTED, 2)
-    mission.begin(GOTO)
-    mission.stand(11)
-    assert mission.faults == {GOTO}
+    assert mission.run(GOTO, ABORTED, 2).begin(GOTO).stand(11).faults == {GOTO}
     driver = mission.driver.again(tmp_path / "x.db")
     again = Mission(driver.state.fleet, driver)
     again.goals, again.number = mission.goals, mission.number
-    again.stand(60)
-    assert again.faults == {GOTO}
+    assert again.stand(60).faults == {GOTO}
 
     again.end(GOTO, SUCCEEDED)
     counts = driver.robot.missions.actions[GOTO].goals.counts
     assert (counts.results["aborted"], counts.results["succeeded"]) == (2, 1)
-    again.run(GOTO, SUCCEEDED)
-    assert again.faults == set()
+    assert again.run(GOTO, SUCCEEDED).faults == set()
 
 
 def test_an_exporter_that_is_killed_ends_no_fault_and_begins_none_again(tmp_path):
@@ -174,20 +153,16 @@ def test_an_exporter_that_is_killed_ends_no_fault_and_begins_none_again(tmp_path
     assert mission.faults == {DOCK}
 
     again = Mission(mission.driver.state.fleet, mission.driver.restart(path))
-    again.stand(20)
-    assert again.faults == {DOCK}
-    again.run(DOCK, SUCCEEDED)
-    assert again.faults == set()
+    assert again.stand(20).faults == {DOCK}
+    assert again.run(DOCK, SUCCEEDED).faults == set()
     again.driver.save()
 
     last = Mission(mission.driver.state.fleet, again.driver.restart(path))
-    last.stand(20)
-    assert last.faults == set()
+    assert last.stand(20).faults == set()
 
 
 def test_after_a_restart_a_goal_whose_robot_does_not_return_is_unknown(mission, tmp_path):
-    mission.begin(GOTO)
-    driver = mission.driver.again(tmp_path / "x.db")
+    driver = mission.begin(GOTO).driver.again(tmp_path / "x.db")
     assert driver.sample("goals_total", action=GOTO, result="unknown") == 0
     driver.at(601)
 
@@ -310,9 +285,7 @@ def test_where_the_graph_is_not_watched_no_goal_is(tmp_path):
 
 
 def test_an_action_whose_entry_is_removed_is_no_component_any_more(mission):
-    mission.run(DOCK, ABORTED)
-    mission.stand(11)
-    assert mission.faults == {DOCK}
+    assert mission.run(DOCK, ABORTED).stand(11).faults == {DOCK}
     robot = Robot("r", namespace="/r", profile=Profile()).reading(Source.RAW)
 
     mission.driver.state.configure(Fleet("f", (robot,)), mission.driver.now)

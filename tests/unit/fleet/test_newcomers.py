@@ -32,7 +32,7 @@ class Playing:
 
     def play(
         self, begin: int, end: int, *names: str, level: int = OK, publishing: tuple[str, ...] = ()
-    ) -> None:
+    ):
         driver = self.driver
         for second in range(begin, end):
             driver.at(float(second))
@@ -43,6 +43,7 @@ class Playing:
                     shown = level if name in names else OK
                     array = Array(driver.now.wall, (Status(shown, f"Motor of {name}"),))
                     driver.state.receive(topic(name), array, driver.now)
+        return self
 
     def invented(self) -> list[str]:
         return [name for name in self.driver.state.robots if name not in TRUE]
@@ -60,8 +61,7 @@ def test_seven_invented_robots_a_second_do_not_become_a_fleet():
     assert playing.driver.state.rejected["new_robots"] > 1_800
     assert all(playing.driver.state.robots[name].up for name in TRUE)
 
-    playing.play(425, 425 + 620)
-    assert playing.invented() == []
+    assert playing.play(425, 425 + 620).invented() == []
     assert playing.faults() == []
 
 
@@ -72,8 +72,7 @@ def test_robots_that_are_invented_right_after_the_start_are_limited_once_many_ar
 
     assert len(playing.invented()) <= 50 + 7 * 12 + 50 * 300 // 600
     assert all(playing.driver.state.robots[name].up for name in TRUE)
-    playing.play(305, 305 + 620)
-    assert playing.invented() == []
+    assert playing.play(305, 305 + 620).invented() == []
     assert playing.faults() == []
 
 
@@ -102,14 +101,11 @@ def test_a_robot_is_gone_when_nobody_publishes_as_it(  # noqa: PLR0917
 
 
 def test_robots_of_an_earlier_process_that_are_off_do_not_end_the_start(tmp_path):
-    playing = Playing(replace(FLEET, limits=Limits(new_robots=2)))
-    playing.play(125, 195, "a", "b")
+    playing = Playing(replace(FLEET, limits=Limits(new_robots=2))).play(125, 195, "a", "b")
     playing.play(500, 570, "c")
     playing.driver = playing.driver.again(tmp_path / "db")
-    playing.play(0, 60)
-    assert not playing.driver.state.robots["a"].up
-    playing.play(60, 65, *(f"new_{number}" for number in range(10)))
-    assert len(playing.invented()) == 13
+    assert not playing.play(0, 60).driver.state.robots["a"].up
+    assert len(playing.play(60, 65, *(f"new_{number}" for number in range(10))).invented()) == 13
 
 
 def test_a_fleet_that_is_found_at_the_start_is_not_limited():
@@ -130,10 +126,8 @@ def test_robots_that_never_publish_are_few_at_once_and_take_turns(monkeypatch):
     monkeypatch.setattr(registry, "MOST_ANNOUNCED", 3)
     playing = Playing(seconds=20)
     mute = tuple(f"mute_{number}" for number in range(7))
-    playing.play(20, 30, publishing=mute)
-    assert playing.invented() == ["mute_0", "mute_1", "mute_2"]
-    playing.play(30, 115, publishing=mute)
-    assert playing.invented() == ["mute_3", "mute_4", "mute_5"]
+    assert playing.play(20, 30, publishing=mute).invented() == ["mute_0", "mute_1", "mute_2"]
+    assert playing.play(30, 115, publishing=mute).invented() == ["mute_3", "mute_4", "mute_5"]
     assert all(playing.driver.state.robots[name].up for name in TRUE)
 
 
@@ -150,10 +144,8 @@ def test_while_as_many_wait_as_may_what_else_is_offered_is_not_looked_through():
 def test_the_rate_is_settable_and_a_rejected_robot_is_found_later():
     playing = Playing(replace(FLEET, limits=Limits(new_robots=2)))
     names = ("a", "b", "c")
-    playing.play(125, 126, *names)
-    assert len(playing.invented()) == 2
-    playing.play(126, 126 + 310, *names)
-    assert sorted(playing.invented()) == ["a", "b", "c"]
+    assert len(playing.play(125, 126, *names).invented()) == 2
+    assert sorted(playing.play(126, 126 + 310, *names).invented()) == ["a", "b", "c"]
 
 
 def test_a_look_at_the_graph_ends_where_very_many_are_rejected(monkeypatch):
@@ -167,36 +159,28 @@ def test_a_look_at_the_graph_ends_where_very_many_are_rejected(monkeypatch):
 
 def test_newcomers_may_have_half_of_the_series_and_leave_the_others_to_those_that_are_known():
     playing = Playing(replace(FLEET, limits=Limits(series=1_000)))
-    playing.play(125, 140, *(f"x{n}" for n in range(40)))
-    assert len(playing.invented()) <= 20
+    assert len(playing.play(125, 140, *(f"x{n}" for n in range(40))).invented()) <= 20
     assert playing.driver.state.rejected["series_limit"] > 0
     many = tuple(Status(OK, f"Part {number}") for number in range(50))
     array = Array(playing.driver.now.wall, many)
     playing.driver.state.receive(topic(TRUE[0]), array, playing.driver.now)
     assert not any(playing.driver.state.robots[TRUE[0]].rejected.values())
-    playing.play(140, 140 + 620)
-    assert playing.invented() == []
+    assert playing.play(140, 140 + 620).invented() == []
 
 
 @pytest.mark.parametrize(("seconds", "level"), [(70, OK), (30, ERROR)])
 def test_a_newcomer_that_was_received_for_a_minute_or_had_a_fault_stays(seconds, level):
-    playing = Playing()
-    playing.play(125, 125 + seconds, "new", level=level)
-    playing.play(125 + seconds, 1_000)
-    assert playing.invented() == ["new"]
+    playing = Playing().play(125, 125 + seconds, "new", level=level)
+    assert playing.play(125 + seconds, 1_000).invented() == ["new"]
     assert "new" in playing.faults()
 
 
 def test_a_newcomer_that_is_silent_while_its_publisher_is_there_is_a_fault():
-    playing = Playing()
-    playing.play(125, 140, "new")
-    playing.play(140, 200, publishing=("new",))
-    assert "new" in playing.faults()
+    playing = Playing().play(125, 140, "new")
+    assert "new" in playing.play(140, 200, publishing=("new",)).faults()
 
 
 def test_a_robot_that_an_earlier_process_knew_is_no_newcomer(tmp_path):
-    playing = Playing()
-    playing.play(125, 140, "new")
+    playing = Playing().play(125, 140, "new")
     playing.driver = playing.driver.again(tmp_path / "db")
-    playing.play(0, 100)
-    assert "new" in playing.faults()
+    assert "new" in playing.play(0, 100).faults()

@@ -30,8 +30,7 @@ def raw_robot(name: str, **more) -> Robot:
 
 
 def faulty() -> StateDriver:
-    driver = StateDriver(fleet=Fleet("f", (raw_robot("r"),)))
-    driver.raw(LASER)
+    driver = StateDriver(fleet=Fleet("f", (raw_robot("r"),))).raw(LASER)
     driver.at(1)
     driver.raw(HOT)
     return driver
@@ -183,10 +182,8 @@ def test_a_silent_robot_taken_out_of_the_config_goes_though_a_pattern_fits(
     tmp_path, restart, publishes
 ):
     declared = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
-    driver = StateDriver(fleet=Fleet("f", (declared,), (BY_TOPIC,)))
-    driver.raw_every(1, 40, HOT)
-    driver.at(120)
-    assert {each.identity.state for each in driver.state.faults()} == {"silent", "critical"}
+    driver = StateDriver(fleet=Fleet("f", (declared,), (BY_TOPIC,))).raw_every(1, 40, HOT)
+    assert {each.identity.state for each in driver.at(120).state.faults()} == {"silent", "critical"}
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(int(publishes))}, driver.now)
     fleet = Fleet("f", discoveries=(BY_TOPIC,))
     driver = followed(driver, fleet, tmp_path / "state", restart=restart)
@@ -401,8 +398,7 @@ def test_an_entry_that_a_reload_takes_out_is_not_reported_as_matching_nothing():
 @pytest.mark.parametrize("source", [Source.AGG, Source.AUTO])
 def test_a_robot_that_is_read_from_its_aggregator_from_now_on_is_judged_by_it(source):
     how = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics", source=Source.RAW)
-    driver = StateDriver(fleet=Fleet("f", (how,)))
-    driver.raw_every(1, 5, HOT, LASER)
+    driver = StateDriver(fleet=Fleet("f", (how,))).raw_every(1, 5, HOT, LASER)
 
     driver.state.configure(Fleet("f", (dataclasses.replace(how, source=source),)), driver.now)
     driver.agg_every(1, 60, *tree(Motors=[HOT._replace(level=OK)]))
@@ -412,8 +408,7 @@ def test_a_robot_that_is_read_from_its_aggregator_from_now_on_is_judged_by_it(so
 
 
 def test_a_robot_that_is_read_from_its_drivers_from_now_on_has_no_groups():
-    driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 5, *tree(Motors=[HOT]))
+    driver = StateDriver(Source.AGG).agg_every(1, 5, *tree(Motors=[HOT]))
     (settings,) = (each.settings for each in driver.state.robots.values())
     raw = dataclasses.replace(settings, source=Source.RAW)
     driver.state.configure(Fleet("f", (raw,)), driver.now)

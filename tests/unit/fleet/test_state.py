@@ -79,8 +79,7 @@ def test_a_downtime_of_many_robots_is_one_sample_for_each_site_with_its_end_and_
 
     found = []
     for seconds in (2, 12, 22):
-        driver.at(seconds)
-        samples = driver.samples().get("downtime_end_timestamp_seconds", {})
+        samples = driver.at(seconds).samples().get("downtime_end_timestamp_seconds", {})
         found.append({_of_downtime(**dict(labels)): end for labels, end in samples.items()})
     assert found == [ann, ann | floor, floor]
 
@@ -108,8 +107,7 @@ def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():
     driver.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, driver.now)
 
     assert driver.state.wanted_topics(0) == {"/r/diagnostics_agg": False, "/r/diagnostics": False}
-    driver.agg(*tree(Motor=[MOTOR]))
-    assert driver.sample("robot_up", robot="r") == 1
+    assert driver.agg(*tree(Motor=[MOTOR])).sample("robot_up", robot="r") == 1
     assert driver.state.wanted_topics(0) == {"/r/diagnostics_agg": False}
 
 
@@ -157,8 +155,7 @@ def test_the_reason_of_silence_follows_the_graph():
     graph(wrong_type="std_msgs/msg/String")
     assert driver.robot.silent_reason == "wrong_type"
     graph()
-    driver.raw(MOTOR)
-    assert driver.robot.silent_reason is None
+    assert driver.raw(MOTOR).robot.silent_reason is None
     driver.at(10)
     graph()
     assert driver.robot.silent_reason == "publisher_gone"

@@ -44,7 +44,7 @@ class Driver(StateDriver):
     types = TYPES
     nodes = ("driver",)
 
-    def go_on(self, seconds: float, *raw, **sent) -> None:
+    def go_on(self, seconds: float, *raw, **sent):
         end = self.now.mono + seconds
         while self.now.mono < end:
             if raw:
@@ -54,6 +54,7 @@ class Driver(StateDriver):
             for name, message in sent.items():
                 self.send(f"/r/{name}", message)
             self.at(self.now.mono + 1)
+        return self
 
     def send(self, topic: str, message) -> None:
         data = message if isinstance(message, bytes) else serialize_message(message)
@@ -83,14 +84,11 @@ def test_fields_are_components_that_are_judged_like_any_other(driver):
 
 def test_the_robot_is_up_while_any_of_its_topics_is_received(driver):
     assert driver.sample("robot_up") == 0
-    driver.go_on(5, e_stop=Bool())
-    assert driver.sample("robot_up") == 1
+    assert driver.go_on(5, e_stop=Bool()).sample("robot_up") == 1
     assert driver.robot.silent_reason is None
-    driver.at(driver.now.mono + 25)
-    assert driver.sample("robot_up") == 0
+    assert driver.at(driver.now.mono + 25).sample("robot_up") == 0
     assert driver.faults() == [("", "silent")]
-    driver.go_on(3, e_stop=Bool())
-    assert (driver.sample("robot_up"), driver.faults()) == (1, [])
+    assert (driver.go_on(3, e_stop=Bool()).sample("robot_up"), driver.faults()) == (1, [])
 
 
 def test_a_topic_that_stops_while_another_goes_on_is_stale(driver):
@@ -139,19 +137,16 @@ def test_topics_of_fields_have_the_budget_of_all_that_is_watched(driver):
 
     assert driver.state.watched_topics(0, TYPES, driver.now) == {"/r/e_stop": BOOL}
     assert driver.robot.network.watched is None
-    driver.go_on(1, e_stop=Bool())
-    assert driver.sample("robot_watch_bytes_per_second") == 30_010
+    assert driver.go_on(1, e_stop=Bool()).sample("robot_watch_bytes_per_second") == 30_010
 
 
 def test_a_topic_that_nobody_publishes_is_named_once_its_robot_is_there_for_a_minute(driver):
     driver.types = {"/r/e_stop": [BOOL]}
-    driver.go_on(50, e_stop=Bool())
-    assert "watch" not in {each.name for each in driver.robot.components}
+    assert "watch" not in {each.name for each in driver.go_on(50, e_stop=Bool()).robot.components}
     driver.go_on(15, e_stop=Bool())
     assert "Battery: /r/battery_state: nobody publishes it" in driver.component("watch").message
     driver.types = TYPES
-    driver.go_on(3, battery_state=BatteryState(), e_stop=Bool())
-    assert driver.level("watch") == OK
+    assert driver.go_on(3, battery_state=BatteryState(), e_stop=Bool()).level("watch") == OK
 
 
 def test_publishers_with_another_definition_are_not_read(driver):
@@ -190,12 +185,9 @@ def test_an_entry_that_the_config_no_longer_has_takes_its_component_along(driver
 
 def test_a_message_is_read_at_most_once_in_every(tmp_path):
     text = FLEET.replace("error_when: true", "error_when: true, every: 5s")
-    driver = Driver(fleet=fleet_of(tmp_path, text=text))
-    driver.go_on(1, e_stop=Bool(data=True))
-    driver.go_on(3, e_stop=Bool(data=False))
-    assert driver.level("E-stop") == ERROR
-    driver.go_on(2, e_stop=Bool(data=False))
-    assert driver.level("E-stop") == OK
+    driver = Driver(fleet=fleet_of(tmp_path, text=text)).go_on(1, e_stop=Bool(data=True))
+    assert driver.go_on(3, e_stop=Bool(data=False)).level("E-stop") == ERROR
+    assert driver.go_on(2, e_stop=Bool(data=False)).level("E-stop") == OK
 
 
 def test_what_was_known_of_fields_outlives_a_restart(driver, tmp_path):
@@ -217,14 +209,11 @@ def test_what_was_known_of_fields_outlives_a_restart(driver, tmp_path):
 def test_a_robot_without_diagnostics_is_up_while_a_node_of_it_is_there(tmp_path, source):
     driver = Driver(fleet=fleet_of(tmp_path, f"source: {source}"))
     driver.nodes = ()
-    driver.go_on(5)
-    assert (driver.sample("robot_up"), driver.robot.silent_reason) == (0, "never_seen")
+    assert (driver.go_on(5).sample("robot_up"), driver.robot.silent_reason) == (0, "never_seen")
     driver.nodes = ("driver",)
-    driver.go_on(5)
-    assert driver.sample("robot_up") == 1
+    assert driver.go_on(5).sample("robot_up") == 1
     driver.nodes = ()
-    driver.go_on(25)
-    assert driver.sample("robot_up") == 0
+    assert driver.go_on(25).sample("robot_up") == 0
     assert driver.faults() == [("", "silent")]
 
 
@@ -276,10 +265,8 @@ def test_what_is_logged_never_stands_beside_that_nothing_was_ever_received(tmp_p
 def test_a_robot_of_queries_may_have_topics_and_is_never_silent(tmp_path):
     driver = Driver(fleet=fleet_of(tmp_path, "source: queries, domain_id: 0"))
     assert driver.state.fleet.domain_ids == (0,)
-    driver.go_on(15, e_stop=Bool(data=True))
-    assert driver.faults() == [("E-stop", "critical")]
-    driver.at(driver.now.mono + 60)
-    assert driver.sample("robot_up") == 1
+    assert driver.go_on(15, e_stop=Bool(data=True)).faults() == [("E-stop", "critical")]
+    assert driver.at(driver.now.mono + 60).sample("robot_up") == 1
     assert driver.sample("robot_info", domain_id="0") == 1
 
 
@@ -382,8 +369,7 @@ def test_a_topic_that_is_received_of_no_robot_is_named_after_five_minutes(driver
 
 def test_what_was_wrong_with_an_entry_that_is_corrected_is_no_problem_any_more(driver, tmp_path):
     driver.types = {"/r/battery_state": ["sensor_msgs/msg/Image"], "/r/e_stop": [BOOL]}
-    driver.go_on(50, e_stop=Bool())
-    assert driver.faults() == [("watch", "warning")]
+    assert driver.go_on(50, e_stop=Bool()).faults() == [("watch", "warning")]
     text = FLEET.replace("topic: battery_state, component: Battery", "topic: bat, component: Cell")
     driver.types["/r/bat"] = [BATTERY]
     driver.state.configure(fleet_of(tmp_path, text=text), driver.now)

@@ -48,7 +48,7 @@ class Robot(StateDriver):
         (self.settings,) = self.state.fleet.robots
         self.types: dict[str, list[str]] = {}  # of what is published, now or seldom
 
-    def go_on(self, seconds: int, **sent: tuple[str, object]) -> None:
+    def go_on(self, seconds: int, **sent: tuple[str, object]):
         """Look at the graph, and send these messages by the names of topics, once a second."""
         namespace = self.settings.namespace
         messages = {f"{namespace}/{name.replace('__', '/')}": each for name, each in sent.items()}
@@ -60,6 +60,7 @@ class Robot(StateDriver):
                 data = bytes(STORE.serialize_cdr(messages[name][1], wanted[name]))
                 self.state.receive_fields(0, name, wanted[name], data, self.now)
             self.at(self.now.mono + 1)
+        return self
 
     def found(self) -> dict[str, tuple[int, str]]:
         """Level and message of each component."""
@@ -83,8 +84,7 @@ def std(kind: str, value: object) -> tuple[str, object]:
 
 @pytest.mark.parametrize("mode", ["auto", "manual"])
 def test_the_battery_of_the_mobile_robot(tmp_path, mode):
-    robot = Robot(tmp_path, FIRST)
-    robot.go_on(15, battery_state=battery(0.1), mode=std("String", mode))
+    robot = Robot(tmp_path, FIRST).go_on(15, battery_state=battery(0.1), mode=std("String", mode))
 
     assert robot.found() == {
         "Battery": (OK, "Health is GOOD"),

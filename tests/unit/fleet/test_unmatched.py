@@ -167,8 +167,7 @@ def test_a_rule_of_the_default_profile_may_match_in_another(tmp_path):
 
 
 def test_a_file_is_checked_against_a_running_exporter(tmp_path, capsys, serve):
-    driver = driver_of(tmp_path, MATCHING)
-    driver.raw(MOTOR)
+    driver = driver_of(tmp_path, MATCHING).raw(MOTOR)
     snapshot = json.loads(json.dumps(fleet_snapshot(driver.state, driver.now)))
     server = serve(fleet_snapshot=lambda: snapshot)
     (tmp_path / "fleet.yml").write_text(MATCHING.replace("key: Level\n", "key: Leval\n"))

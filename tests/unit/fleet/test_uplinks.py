@@ -39,7 +39,7 @@ class Driver(StateDriver):
         self.began: list[str] = []
         self.ended: list[str] = []
 
-    def pass_to(self, end: float) -> None:
+    def pass_to(self, end: float):
         """Let the robots that are received publish, and Prometheus answer every 5 s."""
         while self.now.mono < end:
             second = int(self.now.mono)
@@ -56,6 +56,7 @@ class Driver(StateDriver):
                 self.began.append(what)
             elif event.kind == "fault_ended":
                 self.ended.append(what)
+        return self
 
     def _answer(self, query: Query, robots: Iterable[str]) -> None:
         statuses = {
@@ -74,9 +75,7 @@ class Driver(StateDriver):
 
 @pytest.fixture
 def driver() -> Driver:
-    found = Driver()
-    found.pass_to(60)
-    return found
+    return Driver().pass_to(60)
 
 
 def fail(driver: Driver, *uplinks: str) -> None:
@@ -95,18 +94,15 @@ def heal(driver: Driver, *, all_of_them: bool = False) -> None:
 
 def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_none(driver):
     fail(driver, "ap")
-    driver.pass_to(600)
-    assert driver.began == ["ap ping"]
+    assert driver.pass_to(600).began == ["ap ping"]
     assert driver.suppressed("r") == {"silent": "unreachable", "ping": "unreachable"}
     reasons = {"fleet": "f", "robot": "r", "reason": "uplink_down"}
     assert driver.sample("robot_silent_reason", **reasons) == 1
 
     heal(driver)
-    driver.pass_to(620)
-    assert driver.ended == ["ap ping"]
+    assert driver.pass_to(620).ended == ["ap ping"]
     heal(driver, all_of_them=True)
-    driver.pass_to(900)
-    assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
+    assert (driver.pass_to(900).began, driver.ended) == (["ap ping"], ["ap ping"])
 
 
 def test_the_fault_of_an_uplink_names_the_robots_behind_it(driver):
@@ -127,10 +123,8 @@ def test_what_is_still_silent_when_the_uplink_is_back_begins_after_the_others_ha
     driver.pass_to(610)
     driver.received |= set(ALL) - {"r"}
     driver.failing -= driver.received
-    driver.pass_to(675)
-    assert driver.began == ["ap ping"]
-    driver.pass_to(695)
-    assert driver.began == ["ap ping", "r silent"]
+    assert driver.pass_to(675).began == ["ap ping"]
+    assert driver.pass_to(695).began == ["ap ping", "r silent"]
     driver.received.add("r")
     driver.failing.clear()
     driver.pass_to(800)
@@ -141,17 +135,14 @@ def test_a_robot_of_the_same_site_that_is_not_behind_it_is_a_fault_of_its_own(dr
     fail(driver, "ap")
     driver.pass_to(100)
     driver.received.discard(WIRED)
-    driver.pass_to(140)
-    assert driver.began == ["ap ping", "w silent"]
+    assert driver.pass_to(140).began == ["ap ping", "w silent"]
 
 
 def test_a_site_that_was_a_fault_before_ends_only_with_its_robots_return(driver):
     driver.received.clear()
-    driver.pass_to(120)
-    assert driver.began == ["silent"]
+    assert driver.pass_to(120).began == ["silent"]
     driver.failing.add("ap")
-    driver.pass_to(300)
-    assert driver.ended == []
+    assert driver.pass_to(300).ended == []
     heal(driver, all_of_them=True)
     driver.pass_to(600)
     assert sorted(driver.ended) == sorted(driver.began)
@@ -159,32 +150,26 @@ def test_a_site_that_was_a_fault_before_ends_only_with_its_robots_return(driver)
 
 def test_behind_an_uplink_that_is_behind_another_the_outermost_is_the_fault(driver):
     fail(driver, "ap", "router")
-    driver.pass_to(600)
-    assert driver.began == ["router ping"]
+    assert driver.pass_to(600).began == ["router ping"]
     assert driver.suppressed("ap") == {"ping": "unreachable"}
     heal(driver, all_of_them=True)
-    driver.pass_to(900)
-    assert (driver.began, driver.ended) == (["router ping"], ["router ping"])
+    assert (driver.pass_to(900).began, driver.ended) == (["router ping"], ["router ping"])
 
 
 def test_a_silence_that_began_before_goes_on_and_ends_with_the_robots_return(driver):
     driver.received.discard("r")
-    driver.pass_to(120)
-    assert driver.began == ["r silent"]
+    assert driver.pass_to(120).began == ["r silent"]
     fail(driver, "ap")
     driver.pass_to(600)
     heal(driver, all_of_them=True)
-    driver.pass_to(900)
-    assert driver.began == ["r silent", "ap ping"]
+    assert driver.pass_to(900).began == ["r silent", "ap ping"]
     assert sorted(driver.ended) == ["ap ping", "r silent"]
 
 
 def test_a_silence_with_its_uplink_up_waits_until_the_ping_is_known_and_is_a_fault_then(driver):
     driver.received.discard("r")
-    driver.pass_to(85)
-    assert driver.began == []
-    driver.pass_to(95)
-    assert driver.began == ["r silent"]
+    assert driver.pass_to(85).began == []
+    assert driver.pass_to(95).began == ["r silent"]
 
 
 def test_one_lost_ping_is_no_fault_and_delays_a_silence_by_seconds(driver):
@@ -192,58 +177,48 @@ def test_one_lost_ping_is_no_fault_and_delays_a_silence_by_seconds(driver):
     driver.pass_to(64)
     heal(driver)
     driver.received.discard("r")
-    driver.pass_to(100)
-    assert driver.began == ["r silent"]
+    assert driver.pass_to(100).began == ["r silent"]
 
 
 def test_without_prometheus_an_uplink_that_failed_still_does_and_nothing_begins_or_ends(driver):
     fail(driver, "ap")
     driver.pass_to(300)
     driver.asked = False
-    driver.pass_to(1000)
-    assert (driver.began, driver.ended) == (["ap ping"], [])
+    assert (driver.pass_to(1000).began, driver.ended) == (["ap ping"], [])
     driver.asked = True
     heal(driver, all_of_them=True)
-    driver.pass_to(1300)
-    assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
+    assert (driver.pass_to(1300).began, driver.ended) == (["ap ping"], ["ap ping"])
 
 
 def test_without_prometheus_robots_of_an_uplink_that_answered_last_are_silent_themselves(driver):
     driver.asked = False
     driver.received.discard("r")
-    driver.pass_to(300)
-    assert driver.began == ["r silent"]
+    assert driver.pass_to(300).began == ["r silent"]
 
 
 def test_a_robot_of_which_messages_are_received_has_its_own_faults_behind_a_failing_uplink(driver):
     driver.failing |= {"ap", "r"}
-    driver.pass_to(300)
-    assert driver.began == ["ap ping"]
+    assert driver.pass_to(300).began == ["ap ping"]
     driver.state.receive(
         Topic(0, "/r/diagnostics"), Array(0.0, (Status(ERROR, "Laser"),), 100), driver.now
     )
-    driver.pass_to(330)
-    assert driver.began == ["ap ping", "r Laser"]
+    assert driver.pass_to(330).began == ["ap ping", "r Laser"]
 
 
 def test_what_is_measured_of_a_robot_counts_from_its_return(driver):
     driver.received.discard("r")
     driver.failing.add("r")
-    driver.pass_to(300)
-    assert driver.began == ["r silent"]
+    assert driver.pass_to(300).began == ["r silent"]
     driver.received.add("r")
     driver.pass_to(304)
     driver.failing.discard("r")
-    driver.pass_to(500)
-    assert (driver.began, driver.ended) == (["r silent"], ["r silent"])
+    assert (driver.pass_to(500).began, driver.ended) == (["r silent"], ["r silent"])
 
 
 def test_a_ping_that_fails_while_its_robot_is_received_is_a_fault_of_its_own(driver):
     driver.failing.add("r")
-    driver.pass_to(115)
-    assert driver.began == []
-    driver.pass_to(130)
-    assert driver.began == ["r ping"]
+    assert driver.pass_to(115).began == []
+    assert driver.pass_to(130).began == ["r ping"]
 
 
 def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
@@ -253,23 +228,19 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
     driver.state.configure(replace(config, robots=(own, *config.robots[1:])), driver.now)
     driver.pass_to(30)
     driver.state.domain_failed(7, "no route", driver.now)
-    driver.pass_to(300)
-    assert driver.began == []
+    assert driver.pass_to(300).began == []
     assert set(driver.suppressed("r").values()) == {"unreachable"}
     driver.state.domain_joined(7)
-    driver.pass_to(1200)
-    assert driver.began == []
+    assert driver.pass_to(1200).began == []
     driver.pass_to(1300)  # it could be received for pending_after since a minute after that
     assert driver.began == ["r pending"]
 
 
 def test_a_robot_that_is_added_behind_a_failing_uplink_is_suppressed(driver):
     fail(driver, "ap")
-    driver.pass_to(300)
-    config = driver.state.fleet
+    config = driver.pass_to(300).state.fleet
     driver.state.configure(replace(config, robots=(*config.robots, robot("new"))), driver.now)
-    driver.pass_to(1500)
-    assert driver.began == ["ap ping"]
+    assert driver.pass_to(1500).began == ["ap ping"]
     assert set(driver.suppressed("new").values()) == {"unreachable"}
 
 
@@ -288,9 +259,7 @@ def test_the_planned_downtime_of_an_uplink_is_that_of_the_silence_behind_it(driv
         [Downtime("ap", "", driver.now.wall, until, "kim", "new firmware")], driver.now
     )
     fail(driver, "ap")
-    driver.pass_to(driver.now.mono + 300)
-    assert driver.began == []
+    assert driver.pass_to(driver.now.mono + 300).began == []
     assert driver.suppressed("r")["silent"] == "maintenance"
     heal(driver, all_of_them=True)
-    driver.pass_to(driver.now.mono + 600)
-    assert driver.began == []
+    assert driver.pass_to(driver.now.mono + 600).began == []

@@ -64,8 +64,7 @@ def standings(driver: StateDriver) -> list[str]:
 
 
 def test_what_a_condition_suppresses_is_no_fault_and_shown_so(driver_of):
-    driver = driver_of(UNLESS)
-    driver.stand(SETTLED, FULL, CHARGING)
+    driver = driver_of(UNLESS).stand(SETTLED, FULL, CHARGING)
     driver.stand(60, LOW, CHARGING)
 
     assert driver.fault_names() == set()
@@ -79,11 +78,9 @@ def test_what_a_condition_suppresses_is_no_fault_and_shown_so(driver_of):
 
 
 def test_it_is_a_fault_confirm_after_the_condition_ceases_to_hold(driver_of):
-    driver = driver_of(UNLESS)
-    driver.stand(SETTLED, LOW, CHARGING)
+    driver = driver_of(UNLESS).stand(SETTLED, LOW, CHARGING)
     unplugged = driver.now.wall
-    driver.stand(9, LOW, IDLE)
-    assert driver.fault_names() == set()
+    assert driver.stand(9, LOW, IDLE).fault_names() == set()
     assert driver.sample("component_problem_level", component="Battery") == ERROR
     driver.stand(2, LOW, IDLE)
 
@@ -98,10 +95,8 @@ def test_it_is_a_fault_confirm_after_the_condition_ceases_to_hold(driver_of):
 
 @pytest.mark.parametrize("known", [(), (charger("charging", STALE),), (charger("on"),)])
 def test_what_is_not_known_suppresses_nothing(driver_of, known):
-    driver = driver_of(UNLESS)
-    driver.stand(SETTLED, FULL, *known)
-    driver.stand(12, LOW, *known)
-    assert driver.fault_names() >= {CRITICAL}
+    driver = driver_of(UNLESS).stand(SETTLED, FULL, *known)
+    assert driver.stand(12, LOW, *known).fault_names() >= {CRITICAL}
 
 
 # -- when ----------------------------------------------------------------------------------------
@@ -109,24 +104,19 @@ def test_what_is_not_known_suppresses_nothing(driver_of, known):
 
 def test_while_it_is_not_known_no_fault_begins_and_none_ends_but_by_a_lower_level(driver_of):
     driver = driver_of(WHEN)
-    driver.stand(SETTLED, LOW)
-    assert driver.fault_names() == set()
+    assert driver.stand(SETTLED, LOW).fault_names() == set()
     assert standings(driver)[0].endswith("only when Charger State is idle, which is not known")
 
     driver.stand(12, LOW, IDLE)
-    driver.stand(60, LOW, charger("idle", STALE))
-    assert CRITICAL in driver.fault_names()
-    driver.raw(FULL)
-    assert CRITICAL not in driver.fault_names()
+    assert CRITICAL in driver.stand(60, LOW, charger("idle", STALE)).fault_names()
+    assert CRITICAL not in driver.raw(FULL).fault_names()
     assert changes(driver).count("fault began: CRITICAL Battery") == 1
 
 
 def test_a_robot_that_is_back_ends_nothing_before_its_condition_is_known(driver_of):
     """Raw topics come one by one: the battery's first message comes before the charger's."""
-    driver = driver_of(WHEN)
-    driver.stand(SETTLED, LOW, IDLE)
-    driver.at(driver.now.mono + 60)
-    assert ("robot", "silent", "r") in driver.fault_names()
+    driver = driver_of(WHEN).stand(SETTLED, LOW, IDLE)
+    assert ("robot", "silent", "r") in driver.at(driver.now.mono + 60).fault_names()
     driver.raw(LOW)
     driver.at(driver.now.mono + 1)
     driver.raw(IDLE)
@@ -141,17 +131,14 @@ def test_a_robot_that_is_back_ends_nothing_before_its_condition_is_known(driver_
 def test_a_component_that_is_stale_is_not_suppressed_by_its_own_values(driver_of):
     driver = driver_of("components: [{match: Charger, when: {key: State, equals: idle}}]")
     driver.stand(SETTLED, FULL, charger("idle"))
-    driver.stand(20, FULL, charger("charging", ERROR))
-    assert driver.fault_names() == set()
+    assert driver.stand(20, FULL, charger("charging", ERROR)).fault_names() == set()
     driver.stand(60, FULL, charger("", STALE))
     assert driver.fault_names() == {("component", "stale", "r", "Charger")}
 
 
 def test_stale_is_planned_while_the_condition_of_another_component_says_so(driver_of):
-    driver = driver_of(UNLESS)
-    driver.stand(SETTLED, FULL, CHARGING)
-    driver.stand(60, FULL._replace(level=STALE), CHARGING)
-    assert driver.fault_names() == set()
+    driver = driver_of(UNLESS).stand(SETTLED, FULL, CHARGING)
+    assert driver.stand(60, FULL._replace(level=STALE), CHARGING).fault_names() == set()
     driver.stand(12, FULL._replace(level=STALE), IDLE)
     assert driver.fault_names() == {("component", "stale", "r", "Battery")}
 
@@ -184,8 +171,7 @@ GRIPPER = Status(OK, "Gripper", "", "", (("Force:", "12 N"), ("Mode", " Auto "))
 def test_what_conditions_compare(driver_of, condition, holds):
     """`when` of all of a list; what is not known is unlike what does not hold."""
     driver = driver_of(f"components: [{{match: Battery, when: {condition}}}]")
-    driver.stand(SETTLED, LOW, GRIPPER)
-    assert (CRITICAL in driver.fault_names()) is (holds is True)
+    assert (CRITICAL in driver.stand(SETTLED, LOW, GRIPPER).fault_names()) is (holds is True)
     if holds is not True:
         assert standings(driver)[0].endswith("not known") is (holds is None)
 
@@ -207,8 +193,7 @@ def test_values_have_conditions_of_their_own(driver_of):
 
     driver.stand(SETTLED, battery("5", "False"))
     assert driver.fault_names() == {("value", "critical", "r", "Battery", "Charge", "low")}
-    driver.stand(20, battery("5.1", "True"))
-    assert driver.fault_names() == set()
+    assert driver.stand(20, battery("5.1", "True")).fault_names() == set()
     because = "suppressed: by its condition in fleet.yml, unless Charging is True"
     assert standings(driver) == [f"CRITICAL Battery: Charge: {because}"]
     assert state_of(fleet_snapshot(driver.state, driver.now)["robots"][0]) == "OK"
@@ -227,8 +212,7 @@ def test_conditions_of_values_of_any_component_hold_for_it(driver_of):
         " unless: {component: Charger, key: State, equals: charging}}]"
     )
     low = Status(OK, "Battery", "", "", (("Charge", "5"),))
-    driver.stand(SETTLED, low, CHARGING)
-    assert driver.fault_names() == set()
+    assert driver.stand(SETTLED, low, CHARGING).fault_names() == set()
     driver.stand(12, low, IDLE)
     assert driver.fault_names() == {("value", "critical", "r", "Battery", "Charge", "low")}
 
@@ -238,33 +222,27 @@ def test_conditions_of_values_of_any_component_hold_for_it(driver_of):
 
 def test_a_reload_applies_conditions_at_once(driver_of, tmp_path):
     driver = driver_of("stale_after: 10s")
-    driver.stand(SETTLED, LOW, CHARGING)
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.stand(SETTLED, LOW, CHARGING).fault_names() == {CRITICAL}
     driver.state.configure(fleet_of(tmp_path, UNLESS), driver.now)
     assert driver.fault_names() == set()
     assert driver.sample("component_problem_level", component="Battery") is None
     driver.state.configure(fleet_of(tmp_path, "stale_after: 10s"), driver.now)
     assert driver.sample("component_problem_level", component="Battery") == ERROR
     assert standings(driver) == ["CRITICAL Battery: not confirmed yet, 10 s left"]
-    driver.stand(12, LOW, CHARGING)
-    assert driver.fault_names() == {CRITICAL}
+    assert driver.stand(12, LOW, CHARGING).fault_names() == {CRITICAL}
 
 
 def test_a_fault_outlives_a_restart_and_ends_with_its_condition(driver_of, tmp_path):
-    driver = driver_of(WHEN)
-    driver.stand(SETTLED, LOW, IDLE)
+    driver = driver_of(WHEN).stand(SETTLED, LOW, IDLE)
     driver.keep(tmp_path / "database")
     again = driver.restart(tmp_path / "database", after=5)
-    again.raw(LOW)
-    assert again.fault_names() == {CRITICAL}
-    again.raw(CHARGING)
-    assert again.fault_names() == set()
+    assert again.raw(LOW).fault_names() == {CRITICAL}
+    assert again.raw(CHARGING).fault_names() == set()
     again.close()
 
 
 def test_a_warning_that_is_suppressed_says_so_again_when_it_gets_worse(driver_of):
-    driver = driver_of(UNLESS)
-    driver.stand(SETTLED, LOW._replace(level=WARN), CHARGING)
+    driver = driver_of(UNLESS).stand(SETTLED, LOW._replace(level=WARN), CHARGING)
     driver.stand(5, LOW, CHARGING)
     assert changes(driver) == [
         "suppressed by its condition: WARNING Battery",
@@ -293,8 +271,7 @@ STEPS = st.lists(
 )
 @given(profile=st.sampled_from((UNLESS, WHEN)), steps=STEPS)
 def test_each_fault_ends_once_and_what_is_kept_is_as_if_evaluated_anew(driver_of, profile, steps):
-    driver = driver_of(profile)
-    driver.stand(SETTLED, FULL, IDLE)
+    driver = driver_of(profile).stand(SETTLED, FULL, IDLE)
     lasting: set[tuple[object, ...]] = set()
     seen = 0
     for battery, charger_, seconds in steps:

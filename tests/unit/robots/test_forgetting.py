@@ -19,8 +19,7 @@ from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, StateDrive
 
 
 def test_absence_never_ends_a_fault_but_what_was_ok_is_forgotten():
-    driver = StateDriver(forget_after=100.0, stale_after=5.0)
-    driver.raw_every(1, 5, HOT, LASER)
+    driver = StateDriver(forget_after=100.0, stale_after=5.0).raw_every(1, 5, HOT, LASER)
     driver.at(200)
 
     assert [each.name for each in driver.robot.components] == ["Motor 1"]
@@ -66,12 +65,10 @@ LEFT = {  # the last status of a discovered robot's motor, its profile; whether 
 def test_a_discovered_robot_stays_until_a_person_takes_it_out_with_what_was_not_ok(
     status, rules, stays
 ):
-    driver = discovered(**rules)
-    driver.raw_every(1, 5, status, LASER)
+    driver = discovered(**rules).raw_every(1, 5, status, LASER)
     driver.state.update_graph(0, {}, driver.now)
     for seconds in (1_000, 1_500):
-        driver.at(seconds)
-        assert [each.name for each in driver.robot.components] == ["Motor 1"] * stays
+        assert [each.name for each in driver.at(seconds).robot.components] == ["Motor 1"] * stays
         assert State.SILENT in {each.identity.state for each in driver.state.faults()}
 
     driver.state.forget("r", None, driver.now)
@@ -80,27 +77,21 @@ def test_a_discovered_robot_stays_until_a_person_takes_it_out_with_what_was_not_
 
 
 def test_what_the_network_keeps_from_us_is_not_forgotten():
-    driver = discovered()
-    driver.raw(MOTOR)
+    driver = discovered().raw(MOTOR)
     driver.state.update_graph(0, {RAW: Endpoint(0, wrong_type="std_msgs/msg/String")}, driver.now)
-    driver.at(1_000)
-    assert driver.robot.silent_reason == "wrong_type"
+    assert driver.at(1_000).robot.silent_reason == "wrong_type"
 
 
 def test_a_discovered_robot_that_never_publishes_is_forgotten_when_its_publisher_is_long_gone():
     driver = discovered()
-    driver.at(500)
-    assert driver.robot.silent_reason == "mute"
+    assert driver.at(500).robot.silent_reason == "mute"
     driver.state.update_graph(0, {}, driver.now)
-    driver.at(599)
-    assert driver.robot.silent_reason == "never_seen"
-    driver.at(602)
-    assert not driver.state.robots
+    assert driver.at(599).robot.silent_reason == "never_seen"
+    assert not driver.at(602).state.robots
 
 
 def test_forget_takes_out_what_a_person_names():
-    driver = StateDriver()
-    driver.raw(HOT, LASER)
+    driver = StateDriver().raw(HOT, LASER)
 
     assert driver.state.forget("r", "Motor 1", driver.now) == 1
     for name, component in (("r", "no such"), ("no such", "Laser 1")):
@@ -114,5 +105,4 @@ def test_what_a_person_forgets_is_known_again_with_the_next_array():
     array = tree(Parts=[HOT, LASER])
     driver.agg(*array)
     driver.state.forget("r", "Motor 1", driver.now)
-    driver.agg(*array)
-    assert driver.level("Motor 1") == ERROR
+    assert driver.agg(*array).level("Motor 1") == ERROR

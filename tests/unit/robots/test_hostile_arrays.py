@@ -168,8 +168,7 @@ def test_a_robot_beyond_the_limit_is_counted_named_and_logged_after_any_number_o
     driver = StateDriver(fleet=Fleet("f", discoveries=(discovery,), limits=Limits(robots=1)))
     found = {f"/r{n}/diagnostics": Endpoint(1) for n in range(MAX_OVER_LIMIT + 500)}
     driver.state.update_graph(0, found, driver.now)
-    driver.at(61)
-    before = driver.state.rejected["robot_limit"]
+    before = driver.at(61).state.rejected["robot_limit"]
     for _ in range(3):
         driver.state.update_graph(0, {**found, "/newcomer/diagnostics": Endpoint(1)}, driver.now)
 

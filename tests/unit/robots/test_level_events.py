@@ -25,8 +25,7 @@ def keep(driver: StateDriver, begin: float, end: float, level: int) -> None:
 
 
 def test_one_that_changes_ten_times_a_second_has_eleven_events_a_minute():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor"), Status(OK, "Fan"))
+    driver = StateDriver().raw(Status(OK, "Motor"), Status(OK, "Fan"))
     toggle(driver, 1, 3_000)  # five minutes
     assert 50 <= len(levels(driver)) <= 60
     [counted, *_more] = [each for each in levels(driver) if "times" in each.message]
@@ -35,8 +34,7 @@ def test_one_that_changes_ten_times_a_second_has_eleven_events_a_minute():
 
 @pytest.mark.parametrize("times", [200, 201])
 def test_the_levels_of_its_events_follow_each_other_up_to_the_last(times):
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor"), Status(OK, "Fan"))
+    driver = StateDriver().raw(Status(OK, "Motor"), Status(OK, "Fan"))
     toggle(driver, 1, times)
     last = OK if times % 2 == 0 else ERROR
     keep(driver, 22, 70, last)
@@ -49,8 +47,7 @@ def test_the_levels_of_its_events_follow_each_other_up_to_the_last(times):
 
 
 def test_a_few_changes_are_events_each_and_another_component_has_its_own():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor"), Status(OK, "Fan"))
+    driver = StateDriver().raw(Status(OK, "Motor"), Status(OK, "Fan"))
     toggle(driver, 1, 100)
     driver.raw(Status(OK, "Motor"), Status(ERROR, "Fan"))
     assert [each.after for each in levels(driver, "Fan")] == ["ERROR"]
@@ -63,14 +60,12 @@ def test_a_few_changes_are_events_each_and_another_component_has_its_own():
 
 
 def test_one_that_is_forgotten_says_first_how_often_it_changed():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor"), Status(OK, "Fan"))
+    driver = StateDriver().raw(Status(OK, "Motor"), Status(OK, "Fan"))
     toggle(driver, 1, 100)
     driver.state.forget("r", "Motor", driver.now)
     assert [each.after for each in levels(driver)[-2:]] == ["OK", "forgotten"]
 
 
 def test_an_event_of_a_level_has_the_first_200_characters():
-    driver = StateDriver()
-    driver.raw(Status(ERROR, "Motor", "x" * 4_000))
+    driver = StateDriver().raw(Status(ERROR, "Motor", "x" * 4_000))
     assert levels(driver)[0].message == "x" * 200 + "…"

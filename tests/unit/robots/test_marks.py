@@ -26,10 +26,8 @@ def test_an_attribute_that_becomes_another_is_noted():
 def test_time_changes_a_robot_only_while_it_is_received():
     driver = StateDriver(stale_after=5.0)
     assert driver.robot.next_tick == inf
-    driver.raw(Status(OK, "Motor"))
-    assert driver.robot.next_tick == 5.0
-    driver.at(6)
-    assert not driver.robot.up
+    assert driver.raw(Status(OK, "Motor")).robot.next_tick == 5.0
+    assert not driver.at(6).robot.up
     assert driver.robot.next_tick > driver.now.mono
 
 

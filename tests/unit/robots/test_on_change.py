@@ -28,8 +28,7 @@ def level(driver):
 
 def once(*rules, status=SERIAL, source=Source.RAW):
     """A robot that is received for a minute, and then also this status, once."""
-    driver = StateDriver(source, components=rules)
-    driver.raw_every(1, 60, MOTOR)
+    driver = StateDriver(source, components=rules).raw_every(1, 60, MOTOR)
     driver.raw(MOTOR, status)
     return driver
 
@@ -50,8 +49,7 @@ def test_it_lasts_as_it_was_reported_until_it_is_reported_ok():
     stand(driver, 3 * 86_400 // 100)
     assert level(driver) == ("ERROR", "lost sync")
     assert driver.fault_names() == CRITICAL
-    driver.raw(MOTOR, SERIAL._replace(level=OK))
-    assert driver.fault_names() == set()
+    assert driver.raw(MOTOR, SERIAL._replace(level=OK)).fault_names() == set()
 
 
 def test_the_evidence_says_that_it_was_reported_once_and_when():
@@ -221,8 +219,7 @@ def test_the_levels_of_fleet_yml_apply_once_to_what_resumes(tmp_path, has_restar
 def test_what_else_keeps_its_robot_up_does_not_count_towards_its_end():
     """Only its own arrays show that it could be published again."""
     entry = TopicEntry(topic="e_stop", component="E-stop", field="data")
-    fields = StateDriver(components=(ENDS,), topics=(entry,))
-    fields.raw_every(1, 60, MOTOR)
+    fields = StateDriver(components=(ENDS,), topics=(entry,)).raw_every(1, 60, MOTOR)
     fields.raw(MOTOR, SERIAL)
     for _ in range(1_000):
         fields.at(fields.now.mono + 1)

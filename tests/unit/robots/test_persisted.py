@@ -15,8 +15,7 @@ MOTOR, ARM = Status(OK, "Motor", "fine", "m-1"), Status(ERROR, "Arm", "stuck")
 
 
 def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path):
-    driver = StateDriver()
-    driver.at(5)
+    driver = StateDriver().at(5)
     driver.raw(MOTOR, ARM)
     driver.at(8)
     driver.raw(ARM)
@@ -46,8 +45,7 @@ def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path
 
 def test_a_reload_before_the_first_array_is_no_change(tmp_path: Path):
     driver = StateDriver()
-    driver.raw(MOTOR, ARM)
-    later = driver.again(tmp_path / "state", after=600.0)
+    later = driver.raw(MOTOR, ARM).again(tmp_path / "state", after=600.0)
     (robot,) = later.state.fleet.robots
     fleet = replace(later.state.fleet, robots=(replace(robot, profile=Profile(forget_after=9e4)),))
     events = list(later.events)

@@ -39,8 +39,7 @@ def rows(base: str, *, values: bool, level: int = OK) -> tuple[Status, ...]:
 
 
 def test_a_header_that_gets_its_values_later_renames_the_component_and_its_fault_recovers():
-    driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 60, *DRIVES, *PLAIN)
+    driver = StateDriver(Source.AGG).agg_every(1, 60, *DRIVES, *PLAIN)
     assert driver.fault_names() == {("component", "critical", "r", "/Gripper", "Air")}
     driver.agg_every(1, 180, *DRIVES, *NAMED)
     assert (driver.fault_names(), ends(driver)) == (set(), ["recovered"])
@@ -49,12 +48,10 @@ def test_a_header_that_gets_its_values_later_renames_the_component_and_its_fault
 
 def test_the_fault_keeps_its_name_and_its_begin_while_it_lasts(tmp_path):
     driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 60, *DRIVES, *PLAIN)
-    before = driver.state.faults()
+    before = driver.agg_every(1, 60, *DRIVES, *PLAIN).state.faults()
     named = (NAMED[0]._replace(level=ERROR), AIR)
     driver.agg_every(1, 100, *DRIVES, *named)
-    driver = driver.again(tmp_path / "state")
-    driver.agg_every(1, 60, *DRIVES, *named)
+    driver = driver.again(tmp_path / "state").agg_every(1, 60, *DRIVES, *named)
     assert [(each.identity, each.since, each.confirmed) for each in driver.state.faults()] == [
         (each.identity, each.since, each.confirmed) for each in before
     ]
@@ -65,22 +62,19 @@ def test_the_fault_keeps_its_name_and_its_begin_while_it_lasts(tmp_path):
 
 
 def test_a_name_that_is_known_exactly_stays_when_the_header_has_no_values_any_more(tmp_path):
-    driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 20, *rows("", values=True))
+    driver = StateDriver(Source.AGG).agg_every(1, 20, *rows("", values=True))
     names = set(known(driver))
     assert names == {("/Motors", "Motor 1"), ("/Motors", "Motor/2"), ("/Cameras", "Cam 1")}
     driver.agg_every(1, 40, *rows("", values=False))
     assert known(driver) == dict.fromkeys(names, OK)
-    driver = driver.again(tmp_path / "state")
-    driver.agg_every(1, 20, *rows("", values=False))
+    driver = driver.again(tmp_path / "state").agg_every(1, 20, *rows("", values=False))
     assert known(driver) == dict.fromkeys(names, OK)
 
 
 @pytest.mark.parametrize("before", [True, False])
 @pytest.mark.parametrize("after", [True, False])
 def test_another_base_path_moves_the_components(before, after):
-    driver = StateDriver(Source.AGG)
-    driver.agg_every(1, 30, *rows("/Robot", values=before, level=ERROR))
+    driver = StateDriver(Source.AGG).agg_every(1, 30, *rows("/Robot", values=before, level=ERROR))
     assert len(driver.fault_names()) == 2
     driver.agg_every(1, 60, *rows("/Other", values=after, level=ERROR))
     assert len(driver.fault_names()) == 2

@@ -34,8 +34,7 @@ def of_motor(driver: StateDriver) -> tuple[int, float, float | None, int]:
 
 
 def test_a_fault_has_a_begin_a_course_and_an_end():
-    driver = StateDriver()
-    driver.raw(MOTOR)
+    driver = StateDriver().raw(MOTOR)
     driver.at(1)
     driver.raw(MOTOR._replace(level=WARN))
     driver.at(2)
@@ -48,8 +47,7 @@ def test_a_fault_has_a_begin_a_course_and_an_end():
 
 
 def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
-    driver = StateDriver(stale_after=5.0)
-    driver.raw_every(1, 3, HOT)
+    driver = StateDriver(stale_after=5.0).raw_every(1, 3, HOT)
     driver.at(20)
 
     motor = driver.component("Motor 1")
@@ -62,8 +60,7 @@ def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
 
 
 def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():
-    driver = StateDriver()
-    driver.raw(MOTOR)
+    driver = StateDriver().raw(MOTOR)
     driver.samples()
     driver.raw(HOT)
     driver.raw(MOTOR)
@@ -72,8 +69,7 @@ def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():
 
 
 def test_a_level_beyond_stale_is_an_error_and_counted():
-    driver = StateDriver()
-    driver.raw(MOTOR._replace(level=255))
+    driver = StateDriver().raw(MOTOR._replace(level=255))
 
     assert driver.level("Motor 1") == ERROR
     assert driver.sample("robot_rejected_total", reason="bad_level") == 1
@@ -84,8 +80,7 @@ def test_the_config_turns_an_error_into_a_warning_and_leaves_out_what_it_ignores
         ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),
         ComponentRule(re.compile("^Laser"), ignore=True),
     )
-    driver = StateDriver(components=rules)
-    driver.raw(HOT, LASER)
+    driver = StateDriver(components=rules).raw(HOT, LASER)
 
     motor = driver.component("Motor 1")
     assert (motor.level, motor.reported) == (WARN, ERROR)
@@ -93,8 +88,7 @@ def test_the_config_turns_an_error_into_a_warning_and_leaves_out_what_it_ignores
 
 
 def test_every_change_is_an_event_and_a_first_level_that_is_not_ok():
-    driver = StateDriver()
-    driver.raw(HOT, LASER)
+    driver = StateDriver().raw(HOT, LASER)
     driver.raw(MOTOR)
 
     first, second = (each for each in driver.events if each.kind == "level")
@@ -118,8 +112,7 @@ def test_a_message_is_renewed_with_the_level_or_when_more_than_its_digits_change
 
 
 def test_a_robot_never_seen_is_down_and_says_so():
-    driver = StateDriver()
-    driver.at(100)
+    driver = StateDriver().at(100)
 
     assert driver.sample("robot_up") == 0
     assert driver.sample("robot_last_message_timestamp_seconds") == 0
@@ -134,13 +127,11 @@ def test_a_component_of_a_raw_topic_is_late_after_three_of_its_own_gaps():
         driver.raw(*([slow, fast] if second % 10 == 0 else [fast]))
     for second in range(31, 59):
         driver.at(second)
-        driver.raw(Status(OK, "other"))
-        assert driver.level("fast") == (OK if second <= 35 else STALE)
+        assert driver.raw(Status(OK, "other")).level("fast") == (OK if second <= 35 else STALE)
         assert driver.level("slow") == OK
     driver.at(61)
     driver.raw(Status(OK, "other"))
-    driver.at(62)
-    assert driver.level("slow") == STALE
+    assert driver.at(62).level("slow") == STALE
 
 
 def test_two_arrays_at_one_moment_do_not_make_a_slow_driver_fast():
@@ -148,14 +139,11 @@ def test_two_arrays_at_one_moment_do_not_make_a_slow_driver_fast():
     slow = Status(OK, "every minute")
     driver.raw(slow)
     driver.raw(slow)
-    driver.raw_every(1, 60, Status(OK, "fast"))
-    assert driver.level("every minute") == OK
+    assert driver.raw_every(1, 60, Status(OK, "fast")).level("every minute") == OK
 
     driver.raw(slow)
-    driver.raw_every(1, 239, Status(OK, "fast"))
-    assert driver.level("every minute") == OK
-    driver.raw_every(1, 242, Status(OK, "fast"))
-    assert driver.level("every minute") == STALE
+    assert driver.raw_every(1, 239, Status(OK, "fast")).level("every minute") == OK
+    assert driver.raw_every(1, 242, Status(OK, "fast")).level("every minute") == STALE
 
 
 @pytest.mark.parametrize("period", [0.01, 0.5, 1.0])
@@ -163,37 +151,31 @@ def test_a_fast_driver_is_late_after_five_seconds_once_it_is_known_for_as_long(p
     driver = StateDriver(stale_after=60.0)
     fast = Status(OK, "fast")
     driver.raw_every(period, 6, fast)
-    driver.raw_every(1, 10, Status(OK, "other"))
-    assert driver.level("fast") == OK
+    assert driver.raw_every(1, 10, Status(OK, "other")).level("fast") == OK
 
-    driver.raw_every(1, 12, Status(OK, "other"))
-    assert driver.level("fast") == STALE
+    assert driver.raw_every(1, 12, Status(OK, "other")).level("fast") == STALE
 
 
 def test_the_return_of_a_dead_driver_does_not_blunt_the_watch():
     driver = StateDriver(stale_after=1000.0)
     alive = Status(OK, "alive")
     driver.raw_every(1, 10, MOTOR, alive)
-    driver.raw_every(1, 500, alive)
-    assert driver.level("Motor 1") == STALE
+    assert driver.raw_every(1, 500, alive).level("Motor 1") == STALE
 
     driver.raw_every(1, 515, MOTOR, alive)
-    driver.raw_every(1, 550, alive)
-    assert driver.level("Motor 1") == STALE
+    assert driver.raw_every(1, 550, alive).level("Motor 1") == STALE
 
 
 def test_a_component_has_its_own_threshold_from_the_config():
     rules = (ComponentRule(re.compile("Motor"), stale_after=3.0),)
-    driver = StateDriver(stale_after=60.0, components=rules)
-    driver.raw(MOTOR, LASER)
+    driver = StateDriver(stale_after=60.0, components=rules).raw(MOTOR, LASER)
     driver.at(4)
 
     assert (driver.level("Motor 1"), driver.level("Laser 1")) == (STALE, OK)
 
 
 def test_an_aggregator_that_repeats_a_stale_item_for_ever_does_not_keep_it_alive():
-    driver = StateDriver(Source.AGG)
-    driver.agg(*tree(Motor=[HOT]))
+    driver = StateDriver(Source.AGG).agg(*tree(Motor=[HOT]))
     for second in range(1, 30):
         driver.at(second)
         driver.agg(*tree(Motor=[HOT._replace(level=STALE)]))
@@ -204,8 +186,7 @@ def test_an_aggregator_that_repeats_a_stale_item_for_ever_does_not_keep_it_alive
 
 
 def test_time_is_the_receivers_never_the_stamps():
-    driver = StateDriver(stale_after=5.0)
-    driver.raw(MOTOR, stamp=WALL - 3600)
+    driver = StateDriver(stale_after=5.0).raw(MOTOR, stamp=WALL - 3600)
     driver.at(4)
 
     assert driver.sample("robot_up") == 1
@@ -252,8 +233,7 @@ def test_fleet_yml_says_what_a_level_means_that_ros_does_not_know(tmp_path):
 
 def test_an_id_that_is_filled_in_later_is_information_only():
     """A node that starts says "Node starting up" with an empty hardware_id."""
-    driver = StateDriver()
-    driver.raw(Status(OK, "Motor 1", "Node starting up"))
+    driver = StateDriver().raw(Status(OK, "Motor 1", "Node starting up"))
     driver.raw(MOTOR)
 
     (motor,) = driver.robot.components
@@ -270,8 +250,7 @@ def test_the_group_of_a_raw_component_is_its_node():
 
 
 def test_a_source_of_auto_takes_the_aggregate_and_holds_it():
-    driver = StateDriver(Source.AUTO)
-    driver.raw(MOTOR)
+    driver = StateDriver(Source.AUTO).raw(MOTOR)
     driver.at(1)
     driver.agg(*tree(Motor=[MOTOR]))
     driver.at(9)
@@ -282,8 +261,7 @@ def test_a_source_of_auto_takes_the_aggregate_and_holds_it():
 
 
 def test_a_source_of_auto_takes_raw_while_no_aggregate_comes():
-    driver = StateDriver(Source.AUTO)
-    driver.raw_every(1, 7, HOT)
+    driver = StateDriver(Source.AUTO).raw_every(1, 7, HOT)
 
     assert driver.robot.source is Source.RAW
     assert driver.level("Motor 1") == ERROR
@@ -303,8 +281,7 @@ def read_both(driver: StateDriver, seconds: int, raw, aggregated) -> None:
 
 
 def test_a_robot_whose_aggregator_starts_late_is_read_from_that_and_keeps_its_faults():
-    driver = StateDriver(Source.AUTO)
-    driver.raw_every(1, 60, HOT, LASER)
+    driver = StateDriver(Source.AUTO).raw_every(1, 60, HOT, LASER)
     read_both(driver, 50, (HOT, LASER), [HOT])
     assert driver.robot.source is Source.BOTH
     assert driver.level(LASER.name) == LASER.level
@@ -326,8 +303,7 @@ def test_a_robot_whose_aggregator_starts_late_is_read_from_that_and_keeps_its_fa
 
 
 def test_an_aggregator_that_runs_for_a_moment_takes_nothing_over():
-    driver = StateDriver(Source.AUTO)
-    driver.raw_every(1, 60, HOT)
+    driver = StateDriver(Source.AUTO).raw_every(1, 60, HOT)
     for _ in range(3):
         read_both(driver, 30, (HOT,), [MOTOR])
         driver.raw_every(1, int(driver.now.mono) + 60, HOT)
@@ -336,8 +312,7 @@ def test_an_aggregator_that_runs_for_a_moment_takes_nothing_over():
 
 
 def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
-    driver = StateDriver(Source.BOTH)
-    driver.raw(MOTOR)
+    driver = StateDriver(Source.BOTH).raw(MOTOR)
     driver.agg(*tree(Motor=[MOTOR]))
     driver.raw(HOT)
     driver.raw(MOTOR)
@@ -352,8 +327,7 @@ def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
 
 def test_checks_count_their_components_by_level():
     checks = (Check("all"), Check("motors", (re.compile("motor", re.IGNORECASE),), expect=2))
-    driver = StateDriver(checks=checks)
-    driver.raw(HOT, LASER, Status(WARN, "Motor 2"))
+    driver = StateDriver(checks=checks).raw(HOT, LASER, Status(WARN, "Motor 2"))
 
     assert driver.sample("check_components", check="all", level="ok") == 1
     assert driver.sample("check_components", check="motors", level="ok") == 0
@@ -369,8 +343,7 @@ def bounded_story(**limits) -> StateDriver:
 
 
 def test_too_many_components_lose_only_the_surplus_and_never_the_known(caplog):
-    driver = bounded_story(components=3)
-    driver.raw(*(Status(OK, f"c{n}") for n in range(3)))
+    driver = bounded_story(components=3).raw(*(Status(OK, f"c{n}") for n in range(3)))
     driver.raw(*(Status(ERROR, f"x{n}") for n in range(5)), Status(WARN, "c1"))
 
     assert sorted(each.name for each in driver.robot.components) == ["c0", "c1", "c2"]
@@ -382,13 +355,11 @@ def test_too_many_components_lose_only_the_surplus_and_never_the_known(caplog):
 
 def test_the_budget_of_series_is_kept_and_given_back():
     driver = bounded_story(series=44)
-    driver.raw(*(Status(OK, f"c{n}") for n in range(5)))
-    assert len(driver.robot.components) == 3
+    assert len(driver.raw(*(Status(OK, f"c{n}") for n in range(5))).robot.components) == 3
     assert driver.sample("robot_rejected_total", reason="series_limit") == 2
 
     driver.state.forget("r", "c0", driver.now)
-    driver.raw(Status(OK, "c4"))
-    assert driver.level("c4") == OK
+    assert driver.raw(Status(OK, "c4")).level("c4") == OK
 
 
 def test_long_names_are_cut_and_stay_different(caplog):
@@ -410,8 +381,7 @@ def configure(driver: StateDriver, **settings: object) -> None:
 
 
 def test_another_profile_counts_at_once_for_what_was_reported_last():
-    driver = StateDriver()
-    driver.raw(HOT, LASER)
+    driver = StateDriver().raw(HOT, LASER)
     rules = (ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),)
     configure(driver, profile=Profile(components=rules))
 
@@ -452,8 +422,7 @@ def test_only_what_has_ros_falls_silent():
 def test_what_an_array_of_the_aggregator_lacks_is_missing_until_one_has_it():
     driver = StateDriver(Source.AGG)
     for statuses, missing in (([MOTOR, LASER], False), ([MOTOR], True), ([MOTOR, LASER], False)):
-        driver.agg(*tree(Motor=statuses))
-        assert driver.component("Laser 1").missing is missing
+        assert driver.agg(*tree(Motor=statuses)).component("Laser 1").missing is missing
 
 
 def test_what_the_ros_graph_shows_is_known_by_its_group():
@@ -462,8 +431,7 @@ def test_what_the_ros_graph_shows_is_known_by_its_group():
 
 
 def test_a_component_that_reports_no_more_is_shown_with_what_it_reported_last():
-    driver = StateDriver(stale_after=5.0)
-    driver.raw(HOT, Status(ERROR, "Arm"))
+    driver = StateDriver(stale_after=5.0).raw(HOT, Status(ERROR, "Arm"))
     accounts = [driver.component(name).trouble_text for name in ("Motor 1", "Arm")]
     assert accounts == ["Hot", ""]
     driver.at(10)

@@ -137,5 +137,4 @@ def test_what_changed_is_received_behind_what_did_not():
     driver = StateDriver(Source.AGG)
     array = tree(Arms=(motor, Status(OK, "Laser", "OK")))
     driver.agg(*array)
-    driver.agg(*array[:2], array[2]._replace(level=ERROR))
-    assert driver.level("Laser") == ERROR
+    assert driver.agg(*array[:2], array[2]._replace(level=ERROR)).level("Laser") == ERROR

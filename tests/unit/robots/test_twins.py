@@ -27,7 +27,7 @@ class Nodes:
         self.driver = StateDriver(**profile)
         self.publishers = publishers  # none: not known
 
-    def stand(self, seconds: float, *statuses: Status | None) -> None:
+    def stand(self, seconds: float, *statuses: Status | None):
         """Let them publish these; None: it publishes nothing."""
         end = self.driver.now.mono + seconds
         while self.driver.now.mono < end:
@@ -36,6 +36,7 @@ class Nodes:
                     publisher = self.publishers[node] if self.publishers else ""
                     self.driver.raw(status, publisher=publisher)
                 self.driver.at(self.driver.now.mono + 1 / len(statuses))
+        return self
 
     @property
     def faults(self) -> set[tuple[str, ...]]:
@@ -53,37 +54,30 @@ class Nodes:
 @pytest.mark.parametrize("publishers", [(), ("a", "b")])
 def test_the_one_that_dies_is_a_fault_that_names_it_and_the_other_is_not(publishers):
     nodes = Nodes(*publishers)
-    nodes.stand(30, LEFT, RIGHT)
-    assert nodes.labels == {"lidar: Status [left]", "lidar: Status [right]"}
+    assert nodes.stand(30, LEFT, RIGHT).labels == {"lidar: Status [left]", "lidar: Status [right]"}
     nodes.stand(60, LEFT, RIGHT._replace(level=ERROR, message="no data"))
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status [right]")}
-    nodes.stand(60, LEFT, None)
-    assert nodes.driver.level("lidar: Status [right]") == STALE
+    assert nodes.stand(60, LEFT, None).driver.level("lidar: Status [right]") == STALE
     assert nodes.driver.level("lidar: Status [left]") == OK
 
 
 def test_the_threshold_that_one_of_them_passes_is_seen_and_its_end_is_one():
-    nodes = Nodes(values=(LOW,))
-    nodes.stand(30, FRONT, REAR)
+    nodes = Nodes(values=(LOW,)).stand(30, FRONT, REAR)
     nodes.stand(60, FRONT, REAR._replace(values=(("Charge (%)", "2"),)))
     (fault,) = nodes.driver.state.faults()
     assert fault.identity.component == "battery: Battery [rear]"
-    nodes.stand(5, FRONT, REAR)
-    assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
+    assert (nodes.stand(5, FRONT, REAR).faults, nodes.ends) == (set(), ["recovered"])
 
 
 @pytest.mark.parametrize("publishers", [(), ("a", "b")])
 def test_what_is_broken_before_they_are_told_apart_is_a_fault_that_names_it(publishers):
-    nodes = Nodes(*publishers)
-    nodes.stand(60, LEFT, RIGHT._replace(level=ERROR))
+    nodes = Nodes(*publishers).stand(60, LEFT, RIGHT._replace(level=ERROR))
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status [right]")}
 
 
 def test_they_have_the_same_names_after_a_restart(tmp_path):
-    nodes = Nodes()
-    nodes.stand(30, LEFT, RIGHT)
-    nodes.stand(30, LEFT, RIGHT._replace(level=ERROR))
-    before, labels = nodes.faults, nodes.labels
+    nodes = Nodes().stand(30, LEFT, RIGHT)
+    before, labels = nodes.stand(30, LEFT, RIGHT._replace(level=ERROR)).faults, nodes.labels
     nodes.driver = nodes.driver.again(tmp_path / "state")
     nodes.stand(60, LEFT, RIGHT._replace(level=ERROR))
     assert (nodes.faults, nodes.labels, nodes.ends) == (before, labels, [])
@@ -99,8 +93,7 @@ def test_hardware_that_is_replaced_is_the_same_component(ids):
 
 
 def test_three_of_them_are_three_components():
-    nodes = Nodes()
-    nodes.stand(30, *(LEFT._replace(hardware_id=each) for each in ("a", "b", "")))
+    nodes = Nodes().stand(30, *(LEFT._replace(hardware_id=each) for each in ("a", "b", "")))
     assert nodes.labels == {"lidar: Status [a]", "lidar: Status [b]", "lidar: Status"}
 
 
@@ -114,8 +107,7 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(cap
     assert component.changes == 1
     assert nodes.driver.robot.rejected["duplicate_component"] > 50
     assert caplog.text.count("the worse counts") == 1
-    nodes.stand(10, same, same)
-    assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
+    assert (nodes.stand(10, same, same).faults, nodes.ends) == (set(), ["recovered"])
     nodes.stand(100, same, None)
     assert component.trouble_text == "scanning"
 
@@ -123,12 +115,10 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(cap
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
     nodes, same = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="b")
     nodes.stand(30, same, same)
-    nodes.stand(60, same, same._replace(values=(("Charge (%)", "2"),)))
-    assert nodes.faults == {
+    assert nodes.stand(60, same, same._replace(values=(("Charge (%)", "2"),))).faults == {
         ("value", "critical", "r", "battery", "battery: Battery", "Charge (%)", "low")
     }
-    nodes.stand(10, same, same)
-    assert (nodes.faults, nodes.ends) == (set(), ["recovered"])
+    assert (nodes.stand(10, same, same).faults, nodes.ends) == (set(), ["recovered"])
 
 
 def test_a_node_that_crashes_and_starts_again_and_again_is_one():
@@ -143,12 +133,10 @@ def test_a_node_that_crashes_and_starts_again_and_again_is_one():
 
 def test_an_aggregator_in_place_of_them_has_a_component_of_their_name(tmp_path):
     nodes = Nodes()
-    nodes.stand(30, LEFT, RIGHT)
-    (robot,) = nodes.driver.state.fleet.robots
+    (robot,) = nodes.stand(30, LEFT, RIGHT).driver.state.fleet.robots
     fleet = replace(nodes.driver.state.fleet, robots=(replace(robot, source=Source.AGG),))
     driver = nodes.driver.again(tmp_path / "state", fleet=fleet)
-    driver.agg_every(1, 20, *tree(Lidars=[LEFT]))
-    assert driver.level("lidar: Status") == OK
+    assert driver.agg_every(1, 20, *tree(Lidars=[LEFT])).level("lidar: Status") == OK
 
 
 def test_an_aggregator_beside_them_makes_no_third_component():
@@ -166,8 +154,7 @@ def test_an_aggregator_beside_them_makes_no_third_component():
 
 def test_one_that_had_a_fault_when_they_were_told_apart_ends_it_after_a_restart(tmp_path):
     """It keeps the name of its fault until then."""
-    nodes = Nodes("a", "b")
-    nodes.stand(30, LEFT._replace(level=ERROR), None)
+    nodes = Nodes("a", "b").stand(30, LEFT._replace(level=ERROR), None)
     nodes.stand(30, LEFT._replace(level=ERROR), RIGHT)
     nodes.driver = nodes.driver.again(tmp_path / "state")
     nodes.stand(30, LEFT._replace(level=ERROR), RIGHT)
@@ -218,8 +205,7 @@ def test_one_of_two_that_says_ok_once_is_no_end_of_what_the_other_said():
     assert (driver.fault_names(), recovered(driver)) == (CRITICAL, [])
     text = "lost sync (several nodes publish it, the worse counts)"
     assert driver.component("rosserial").trouble_text == text
-    driver.raw(SERIAL, publisher="a")
-    assert driver.fault_names() == set()
+    assert driver.raw(SERIAL, publisher="a").fault_names() == set()
 
 
 def test_nor_is_it_after_a_restart_or_a_silence(tmp_path):
@@ -235,8 +221,7 @@ def test_nor_is_it_after_a_restart_or_a_silence(tmp_path):
     driver = driver.again(tmp_path / "state")
     on(driver, 60)
     assert (driver.fault_names(), recovered(driver)) == (CRITICAL, [])
-    driver.raw(SERIAL, publisher="a")
-    assert driver.fault_names() == set()
+    assert driver.raw(SERIAL, publisher="a").fault_names() == set()
 
 
 def test_a_node_that_was_started_again_ends_what_it_said_before():
@@ -279,14 +264,12 @@ def test_twins_that_repeat_it_are_the_same_after_a_restart_and_a_silence(tmp_pat
 def test_so_are_their_values(tmp_path):
     nodes, full = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="")
     low = full._replace(values=(("Charge (%)", "2"),))
-    nodes.stand(60, low, full)
-    found = nodes.faults
+    found = nodes.stand(60, low, full).faults
     assert [each[0] for each in found] == ["value"]
     nodes.driver = nodes.driver.again(tmp_path / "state")
     nodes.driver.at(1)
     nodes.publishers = ("b", "a")
-    nodes.stand(60, full, low)
-    assert (nodes.faults, recovered(nodes.driver)) == (found, [])
+    assert (nodes.stand(60, full, low).faults, recovered(nodes.driver)) == (found, [])
 
 
 def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse():
@@ -299,10 +282,8 @@ def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse():
 def test_the_latest_counts_where_publishers_have_names_no_more():
     driver = twins()
     on(driver, 30)
-    driver.raw(SERIAL, publisher="b")
-    assert driver.fault_names() == CRITICAL
-    driver.raw(SERIAL)
-    assert (driver.fault_names(), driver.component("rosserial").said) == (set(), None)
+    assert driver.raw(SERIAL, publisher="b").fault_names() == CRITICAL
+    assert (driver.raw(SERIAL).fault_names(), driver.component("rosserial").said) == (set(), None)
 
 
 @pytest.mark.parametrize(

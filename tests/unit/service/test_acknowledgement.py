@@ -182,8 +182,7 @@ def test_it_comes_and_goes_while_the_fault_lasts():
 
 
 def test_the_exposition_asks_for_them_at_each_scrape():
-    driver = StateDriver()
-    driver.raw_every(1, 20, Status(OK, "Motor 1"))
+    driver = StateDriver().raw_every(1, 20, Status(OK, "Motor 1"))
     driver.raw_every(1, 40, Status(ERROR, "Motor 1"))
     labels = LABELS | {"group": ""}
     ack = MOTOR._replace(fault=identity_of(labels), since=WALL + 20)

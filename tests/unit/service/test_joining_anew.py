@@ -62,31 +62,28 @@ class Playing:
     def join(self) -> None:
         self.joins += 1
 
-    def until(self, seconds: float, *received: str) -> None:
+    def until(self, seconds: float, *received: str):
         while self.driver.now.mono < seconds:
             for each in received:
                 topic = Topic(7, f"/{each}/diagnostics")
                 self.driver.state.receive(topic, Array(0.0, (OK,), 100), self.driver.now)
             self.driver.at(self.driver.now.mono + 1)
             self.joining.turn()
+        return self
 
 
 def test_a_domain_whose_robots_all_fall_silent_is_joined_anew(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
-    playing.until(LEAST + 10, "a", "b")
-    assert (playing.left, playing.joins) == ([], 0)
-    playing.until(LEAST + 20)
-    assert set(playing.left) == {7}
+    assert (playing.until(LEAST + 10, "a", "b").left, playing.joins) == ([], 0)
+    assert set(playing.until(LEAST + 20).left) == {7}
     assert playing.joins == len(playing.left)
     assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
 
 
 @pytest.mark.parametrize(("names", "later"), [(("a", "b"), ("a",)), (("a",), ())])
 def test_one_silent_robot_is_no_reason(monkeypatch, names, later):
-    playing = Playing(driver_of(*names), monkeypatch)
-    playing.until(LEAST + 10, *names)
-    playing.until(LEAST + 60, *later)
-    assert playing.left == []
+    playing = Playing(driver_of(*names), monkeypatch).until(LEAST + 10, *names)
+    assert playing.until(LEAST + 60, *later).left == []
 
 
 A, B = "/a/diagnostics", "/b/diagnostics"
@@ -96,8 +93,7 @@ def test_a_domain_that_is_deaf_to_one_robot_is_joined_anew_without_a_fault_of_it
     playing = Playing(driver_of("a", "b"), monkeypatch)
     playing.until(REST + 10, "a", "b")
     playing.heard = {A}
-    playing.until(REST + 20 + 3 + CONFIRM, "b")
-    assert playing.left == [7]
+    assert playing.until(REST + 20 + 3 + CONFIRM, "b").left == [7]
     assert playing.joins == 1
     first, again = playing.seconds
     assert again - first == CONFIRM
@@ -135,15 +131,13 @@ def test_a_domain_in_which_another_process_finds_a_node_that_is_gone_is_joined_a
 def test_a_topic_of_which_this_process_receives_bytes_is_no_reason(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
     playing.heard = playing.received = {A}  # and all of it is undecodable
-    playing.until(REST + 60, "b")
-    assert playing.seconds
+    assert playing.until(REST + 60, "b").seconds
     assert playing.left == []
 
 
 def test_nothing_is_compared_while_no_robot_is_silent(monkeypatch):
     playing = Playing(driver_of("a", "b"), monkeypatch)
-    playing.until(600, "a", "b")
-    assert playing.seconds == []
+    assert playing.until(600, "a", "b").seconds == []
 
 
 def test_a_robot_that_is_off_is_compared_ever_less_often_and_another_one_soon(monkeypatch):
@@ -153,8 +147,7 @@ def test_a_robot_that_is_off_is_compared_ever_less_often_and_another_one_soon(mo
     assert rests[:3] == [120, 240, 480]
     assert rests[-2:] == [LONGEST, LONGEST]
     before = len(playing.seconds)
-    playing.until(4 * LONGEST + 20)
-    assert len(playing.seconds) == before + 1
+    assert len(playing.until(4 * LONGEST + 20).seconds) == before + 1
 
 
 def test_what_is_missed_once_is_a_silence_again(monkeypatch):
@@ -165,8 +158,7 @@ def test_what_is_missed_once_is_a_silence_again(monkeypatch):
     assert playing.driver.state.robots["a"].silent_reason == "domain_unreachable"
     assert playing.driver.state.robots["b"].network.domain_up  # its faults go on
     playing.heard = set()
-    playing.until(REST + 60, "b")
-    assert playing.left == []
+    assert playing.until(REST + 60, "b").left == []
     assert playing.driver.state.robots["a"].silent_reason != "domain_unreachable"
     assert [each.robot for each in playing.driver.events if each.kind == "fault_began"] == ["a"]
 
@@ -181,8 +173,7 @@ def test_a_second_process_that_cannot_be_started_keeps_no_domain_from_being_join
 
     monkeypatch.setattr(comparing, "Second", fail)
     playing.outdated = [7]
-    playing.until(REST + 2, "b")
-    assert 7 in playing.left
+    assert 7 in playing.until(REST + 2, "b").left
     failed = "domain 7: the process that listens to silent robots was not started: no memory"
     assert caplog.messages.count(failed) == 1
 
@@ -209,14 +200,12 @@ def test_what_is_compared_while_the_domain_is_left_says_nothing(monkeypatch, joi
     assert len(playing.seconds) == 1
     playing.joined_at.clear()
     playing.joined_at.update(joined)
-    playing.until(REST + 60, "b")
-    assert playing.left == []
+    assert playing.until(REST + 60, "b").left == []
     assert not [each for each in playing.driver.events if each.kind == "config"]
 
 
 def test_other_addresses_are_and_the_robots_silence_is_none_of_theirs(monkeypatch):
-    playing = Playing(driver_of("a"), monkeypatch)
-    playing.until(10, "a")
+    playing = Playing(driver_of("a"), monkeypatch).until(10, "a")
     playing.driver.at(20)
     playing.outdated = [7]
     playing.joining.turn()

@@ -19,8 +19,9 @@ class Bench:
         path.write_text(f"/**:\n  ros__parameters:\n    {body}\n")
         self.aggregator = Aggregator(load_parameters(path), 0.0)
 
-    def receive(self, now: float, *names: str, level: int = OK, message: str = "fine") -> None:
+    def receive(self, now: float, *names: str, level: int = OK, message: str = "fine"):
         self.aggregator.receive([Status(level, name, message) for name in names], now)
+        return self
 
     def rows(self, now: float) -> ROW:
         return {s.name: (s.level, s.message) for s in self.aggregator.publish(now).statuses}
@@ -31,22 +32,19 @@ def test_num_items_counts_what_was_ever_heard(tmp_path: Path) -> None:
     assert bench.rows(0.5) == {"/M": (STALE, "No items found, expected 3")}
     bench.receive(1.0, "Motor 1", "Motor 2")
     assert bench.rows(1.5)["/M"] == (ERROR, "Expected 3, found 2")
-    bench.receive(2.0, "Motor 3")
-    assert bench.rows(2.5)["/M"] == (OK, "OK")
+    assert bench.receive(2.0, "Motor 3").rows(2.5)["/M"] == (OK, "OK")
 
 
 def test_num_items_zero_tolerates_none_and_any(tmp_path: Path) -> None:
     bench = Bench(tmp_path, f"m: {{{GENERIC}, path: M, contains: [Motor], num_items: 0}}")
     assert bench.rows(0.5) == {"/M": (OK, "OK")}
-    bench.receive(1.0, "Motor 1", level=WARN)
-    assert bench.rows(1.5)["/M"] == (WARN, "Warning")
+    assert bench.receive(1.0, "Motor 1", level=WARN).rows(1.5)["/M"] == (WARN, "Warning")
 
 
 @pytest.mark.parametrize(("timeout", "stale"), [("2.0", True), ("0.0", False), ("-1.0", False)])
 def test_a_timeout_of_zero_or_less_is_none(tmp_path: Path, timeout: str, stale: bool) -> None:
     bench = Bench(tmp_path, f"m: {{{GENERIC}, path: M, contains: [Motor], timeout: {timeout}}}")
-    bench.receive(0.0, "Motor 1")
-    assert bench.rows(2.0)["/M/Motor 1"][0] == OK
+    assert bench.receive(0.0, "Motor 1").rows(2.0)["/M/Motor 1"][0] == OK
     assert bench.rows(900.0)["/M/Motor 1"] == ((STALE if stale else OK), "fine")
 
 
@@ -54,8 +52,7 @@ def test_a_discarded_item_is_counted_as_missing_by_num_items(tmp_path: Path) -> 
     bench = Bench(
         tmp_path, f"m: {{{GENERIC}, path: M, contains: [Motor], num_items: 1, discard_stale: true}}"
     )
-    bench.receive(0.0, "Motor 1")
-    assert bench.rows(6.0) == {"/M": (ERROR, "No items found, expected 1")}
+    assert bench.receive(0.0, "Motor 1").rows(6.0) == {"/M": (ERROR, "No items found, expected 1")}
 
 
 def test_a_component_is_listed_by_every_analyzer_that_takes_it(tmp_path: Path) -> None:
@@ -74,8 +71,7 @@ def test_a_component_is_listed_by_every_analyzer_that_takes_it(tmp_path: Path) -
 )
 def test_slashes_in_names_become_blanks(tmp_path: Path, name: str, shown: str) -> None:
     bench = Bench(tmp_path, "path: R")
-    bench.receive(0.0, name)
-    assert f"/R/Other/{shown}" in bench.rows(0.5)
+    assert f"/R/Other/{shown}" in bench.receive(0.0, name).rows(0.5)
 
 
 @pytest.mark.parametrize("level", [4, 127, 255])
@@ -93,8 +89,7 @@ def test_the_last_of_two_statuses_of_one_name_counts(tmp_path: Path) -> None:
 
 def test_other_forgets_what_falls_silent_and_then_itself(tmp_path: Path) -> None:
     bench = Bench(tmp_path, f"m: {{{GENERIC}, path: M, contains: [Motor]}}")
-    bench.receive(0.0, "Motor", "Stranger")
-    assert bench.rows(1.0)["/Other/Stranger"] == (OK, "fine")
+    assert bench.receive(0.0, "Motor", "Stranger").rows(1.0)["/Other/Stranger"] == (OK, "fine")
     assert set(bench.rows(6.0)) == {"/M", "/M/Motor"}
 
 
@@ -109,8 +104,7 @@ def test_groups_can_be_nested(tmp_path: Path) -> None:
     leaf = f"{{{GENERIC}, path: Joints, contains: [joint]}}"
     inner = f"{{{group}, path: Arm, analyzers: {{joints: {leaf}}}}}"
     bench = Bench(tmp_path, f"path: R\n    g: {{{group}, path: G, analyzers: {{arm: {inner}}}}}")
-    bench.receive(0.0, "joint a", level=WARN, message="hot")
-    rows = bench.rows(0.5)
+    rows = bench.receive(0.0, "joint a", level=WARN, message="hot").rows(0.5)
     assert list(rows) == ["/R/G/Arm/Joints", "/R/G/Arm/Joints/joint a", "/R/G/Arm", "/R/G", "/R"]
     assert rows["/R"] == (WARN, "Warning")
 

@@ -64,8 +64,7 @@ def whole(tmp_path_factory) -> Path:
 
 def use(folder: Path) -> None:
     """Start from the database in this folder, and ask for all that can be asked."""
-    after = EVENTFUL.restart(folder / "state")
-    after.at(1)
+    after = EVENTFUL.restart(folder / "state").at(1)
     after.agg(*tree(Motor=[COOL], Laser=[LASER]))
     after.samples()
     json.dumps(fleet_snapshot(after.state, after.now), allow_nan=False)

@@ -233,8 +233,7 @@ def test_of_many_rows_that_are_not_valid_the_first_are_named(path, written, edit
 
 
 def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(path, caplog):
-    driver = StateDriver()
-    driver.raw(HOT, *(Status(OK, f"c{number}", "x" * 4000) for number in range(50)))
+    driver = StateDriver().raw(HOT, *(Status(OK, f"c{number}", "x" * 4000) for number in range(50)))
     driver.keep(path)
     driver.storage.close()
     with path.open("r+b") as file:

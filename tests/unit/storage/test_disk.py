@@ -87,8 +87,7 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
     path = of_nobody / "state"
     planted(kind, path)
     mode = path.lstat().st_mode
-    driver = StateDriver().restart(path)
-    driver.raw(HOT)
+    driver = StateDriver().restart(path).raw(HOT)
     for second in range(1, 4):
         driver.now = Instant(float(second), WALL + second)
         driver.save(at_once=second == 3)
@@ -190,8 +189,7 @@ def test_a_check_for_damage_that_takes_too_long_is_given_up(path, connections):
 
 
 def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(path, monkeypatch):
-    driver = StateDriver()
-    driver.raw(COOL)
+    driver = StateDriver().raw(COOL)
     driver.keep(path)
     begun, hangs = threading.Event(), threading.Event()
 
@@ -201,8 +199,7 @@ def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(
 
     monkeypatch.setattr(Database, "write", hang)
     driver.at(2)
-    driver.raw(HOT)
-    thread = threading.Thread(target=driver.save)
+    thread = threading.Thread(target=driver.raw(HOT).save)
     thread.start()
     begun.wait()
     try:

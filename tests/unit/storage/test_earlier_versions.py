@@ -119,8 +119,7 @@ def write(path, version: int) -> None:
 def started(path) -> StateDriver:
     """An exporter that was started with the database, and has written it."""
     driver = StateDriver()
-    driver.at(19)
-    after = driver.restart(path)
+    after = driver.at(19).restart(path)
     after.save()
     assert after.storage is not None
     assert after.storage.successful
@@ -186,5 +185,4 @@ def test_a_robot_that_is_damaged_stops_no_migration(path, edit, caplog):
 def test_a_motor_of_an_earlier_version_recovers(path):
     write(path, 2)
     after = started(path)
-    after.raw(Status(0, "Motor"))
-    assert after.state.faults() == []
+    assert after.raw(Status(0, "Motor")).state.faults() == []

@@ -21,12 +21,9 @@ DAY = 86_400.0
 
 
 def test_events_are_there_after_a_restart_and_ids_go_on(path):
-    before = StateDriver()
-    before.raw(HOT)
+    before = StateDriver().raw(HOT)
     before.at(1)
-    before.raw(COOL)
-    after = before.again(path)
-    after.raw(HOT)
+    after = before.raw(COOL).again(path).raw(HOT)
     after.save()
 
     found = list(after.log.find(Wanted()))
@@ -95,8 +92,7 @@ def test_robots_that_need_all_of_the_size_leave_the_newest_events_and_say_so(
     """They had none left, and said nothing."""
     assert pruning.LEAST == 10_000
     monkeypatch.setattr(pruning, "LEAST", 50)
-    driver = StateDriver()
-    driver.raw(*(Status(0, f"c{number}", "x" * 1000) for number in range(400)))
+    driver = StateDriver().raw(*(Status(0, f"c{number}", "x" * 1000) for number in range(400)))
     driver.storage = Storage(path, Retention(size=300_000))
     for second in range(0, 100, 2):
         record(driver, second, 10)

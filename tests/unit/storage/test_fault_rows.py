@@ -21,8 +21,7 @@ LASER = Status(ERROR, "Laser", "Dirty")
 
 def saved(path, *statuses: Status) -> StateDriver:
     """A state with the faults of these, in the database."""
-    driver = StateDriver()
-    driver.raw_every(1, 20, *statuses)
+    driver = StateDriver().raw_every(1, 20, *statuses)
     driver.keep(path)
     return driver
 
@@ -55,13 +54,11 @@ def test_a_fault_outlives_the_process_with_its_times_and_evidence(path):
     after.save()
     again = after.restart(path)
     assert again.state.faults() == before.state.faults()
-    again.raw(COOL)
-    assert again.state.faults() == []
+    assert again.raw(COOL).state.faults() == []
 
 
 def test_a_fault_that_ended_is_written_without_it(path):
-    before = saved(path, HOT)
-    before.raw(COOL)
+    before = saved(path, HOT).raw(COOL)
     before.at(22)
     before.save()
     assert before.restart(path).state.faults() == []
@@ -95,8 +92,7 @@ def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     assert "1 rows are not valid and dropped, the others restored: " in caplog.text
     assert [each.name for each in path.parent.glob("*damaged*")] == []
     assert names(after.state.faults()) == {"Laser"}
-    after.raw_every(1, 15, HOT, LASER)
-    assert names(after.state.faults()) == {"Laser", "Motor"}
+    assert names(after.raw_every(1, 15, HOT, LASER).state.faults()) == {"Laser", "Motor"}
 
 
 @pytest.mark.parametrize(
@@ -117,8 +113,7 @@ def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
     assert "rows are not valid and dropped, the others restored: " in caplog.text
     assert [each.name for each in path.parent.glob("*damaged*")] == []
     assert [each.name for each in after.robot.components] == ["Motor"]
-    after.raw_every(1, 15, HOT)
-    assert names(after.state.faults()) == {"Motor"}
+    assert names(after.raw_every(1, 15, HOT).state.faults()) == {"Motor"}
 
 
 def test_what_refers_to_a_dropped_row_is_dropped_and_the_rest_restored(path, caplog):

@@ -23,10 +23,8 @@ def motor(driver: StateDriver) -> tuple[int, float, float | None, int]:
 
 
 def test_what_is_restored_is_stale_until_it_is_heard(path):
-    before = StateDriver()
-    before.at(1)
-    before.raw(HOT, LASER)
-    after = before.again(path)
+    before = StateDriver().at(1)
+    after = before.raw(HOT, LASER).again(path)
 
     assert after.component("Motor").before_stale == ERROR
     assert (after.level("Motor"), after.problem_since("Motor")) == (STALE, WALL + 1)
@@ -47,8 +45,7 @@ RESTARTS = {
 
 @pytest.mark.parametrize(("last", "times", "first", "found"), RESTARTS.values(), ids=RESTARTS)
 def test_a_restart_is_no_change_of_level(path, last, times, first, found):
-    driver = StateDriver()
-    driver.raw(COOL)
+    driver = StateDriver().raw(COOL)
     driver.at(1)
     driver.raw(last)
     for _ in range(times):
@@ -57,34 +54,28 @@ def test_a_restart_is_no_change_of_level(path, last, times, first, found):
 
     of_motor = motor(driver)
     assert driver.component("Motor").before_stale is (ERROR if first is MUTE else None)
-    driver.at(2)
-    changes = [(each.before, each.after) for each in driver.events if each.kind == "level"]
+    changes = [(each.before, each.after) for each in driver.at(2).events if each.kind == "level"]
     assert (*of_motor, changes) == found
 
 
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(path):
     rule = ComponentRule(re.compile(""), levels={STALE: OK})
     before = StateDriver(components=(rule,), stale_after=5.0)
-    before.raw(HOT)
-    again = before.again(path)
+    again = before.raw(HOT).again(path)
     assert again.problem_since("Motor") is None  # it is OK, as the config has it
     again.keep(path)
 
     for level in (ERROR, WARN):
-        after = again.restart(path)
-        after.raw(HOT._replace(level=level))
+        after = again.restart(path).raw(HOT._replace(level=level))
         assert motor(after)[::2] == (level, WALL)
         after.close()
 
 
 @pytest.mark.parametrize(("status", "stays"), [(HOT, True), (COOL, False), (MUTE, True)])
 def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(path, status, stays):
-    before = StateDriver(forget_after=100.0)
-    before.raw(COOL)
-    before.raw(status)
-    after = before.again(path).again(path)
-    after.at(200)
-    assert bool(after.robot.components) == stays
+    before = StateDriver(forget_after=100.0).raw(COOL)
+    after = before.raw(status).again(path).again(path)
+    assert bool(after.at(200).robot.components) == stays
 
 
 def test_a_restless_component_stays_restless(path):
@@ -120,8 +111,7 @@ def test_a_robot_that_never_published_does_not_survive_a_restart(path):
 
 def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants_it(path):
     before = discovered(AGG)
-    before.agg(*tree(Motor=[HOT]))
-    again = before.again(path)
+    again = before.agg(*tree(Motor=[HOT])).again(path)
     assert again.component("Motor").before_stale == ERROR
     assert again.robot.source is Source.AGG
     again.close()
@@ -135,8 +125,7 @@ def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(path):
         before.now = Instant(turn * 300.0, WALL + turn * 300.0)
         before.raw(COOL, LASER)
         before.save()
-    after = before.restart(path)
-    after.at(5)
+    after = before.restart(path).at(5)
 
     assert {each.name for each in after.robot.components} == {"Motor", "Laser"}
     seen = after.sample("robot_last_message_timestamp_seconds")
@@ -157,17 +146,14 @@ def receive(driver: StateDriver, robot: str, *statuses: Status) -> None:
 
 
 def test_the_last_write_has_what_was_seen_last(path):
-    before = StateDriver()
-    before.raw(COOL)
+    before = StateDriver().raw(COOL)
     before.keep(path)
     before.at(7)
-    before.raw(COOL)
-    assert before.again(path).sample("robot_last_message_timestamp_seconds") == WALL + 7
+    assert before.raw(COOL).again(path).sample("robot_last_message_timestamp_seconds") == WALL + 7
 
 
 def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(path, content):
-    driver = StateDriver()
-    driver.raw(COOL)
+    driver = StateDriver().raw(COOL)
     driver.keep(path)
     first = content()
 
@@ -218,8 +204,7 @@ def test_a_robot_that_is_forgotten_goes(path, content, restarted):
 
 
 def test_half_of_a_character_makes_no_damaged_file(path, caplog):
-    driver = StateDriver()
-    driver.raw(Status(ERROR, "Motor", "Hot \ud800"))
+    driver = StateDriver().raw(Status(ERROR, "Motor", "Hot \ud800"))
     assert driver.again(path).component("Motor").message == "Hot ?"
     assert not caplog.text
 
@@ -249,8 +234,7 @@ def test_a_wall_clock_that_was_set_between_two_starts_delays_no_fault(path, days
 
 
 def test_what_was_known_is_not_forgotten_before_it_can_be_received(path):
-    driver = discovered(AGG)
-    driver.agg(*tree(Motor=[COOL]))
+    driver = discovered(AGG).agg(*tree(Motor=[COOL]))
     driver.keep(path)
     after = driver.restart(path, after=200 * DAY)
 

@@ -39,9 +39,7 @@ def row(text: str, action: str) -> str:
 def test_a_row_says_how_the_goals_of_an_action_ended(mission, ask):
     mission.run(GOTO, ABORTED, 2)
     mission.run(GOTO, SUCCEEDED)
-    mission.begin(DOCK)
-    mission.run("follow_path", SUCCEEDED)
-    text = ask(mission.driver)
+    text = ask(mission.begin(DOCK).run("follow_path", SUCCEEDED).driver)
 
     assert "r navigate_to_pose WARNING 1 of 3 2 0 0 aborted 2 of the last 3" in row(text, GOTO)
     assert "r dock_robot OK 0 0 1, for " in row(text, DOCK)
@@ -53,8 +51,7 @@ def test_it_says_what_was_wrong_when_goals_were_aborted(mission, ask):
     mission.driver.stand(2, LASER._replace(level=ERROR))
     mission.end(GOTO, ABORTED)
     mission.driver.stand(2, LASER)
-    mission.run(GOTO, ABORTED)
-    text = ask(mission.driver, "r")
+    text = ask(mission.run(GOTO, ABORTED).driver, "r")
 
     expected = (
         "2 goals of navigate_to_pose were aborted in the last 7 days: 1 of them while Laser 1"
@@ -78,24 +75,21 @@ def test_the_history_has_each_aborted_goal_and_intervention_with_what_was_wrong(
     mission.begin(GOTO)
     drive(mission, "auto", pressed="true")
     mission.driver.stand(2, LASER._replace(level=ERROR))
-    mission.end(GOTO, ABORTED)
-    text = " ".join(ask(mission.driver, "r", command="history").split())
+    text = " ".join(ask(mission.end(GOTO, ABORTED).driver, "r", command="history").split())
 
     assert "intervention: nothing else was wrong" in text
     assert "a goal of navigate_to_pose was aborted: while Laser 1 was CRITICAL" in text
 
 
 def test_without_actions_it_says_so(ask):
-    driver = StateDriver()
-    driver.stand(2, LASER)
+    driver = StateDriver().stand(2, LASER)
 
     assert "No action of a robot was seen" in ask(driver)
     assert "missions?robot=x answered 404" in ask(driver, "x", code=1)
 
 
 def test_as_json_it_has_all_of_it(mission, ask):
-    mission.run(GOTO, ABORTED)
-    found = json.loads(ask(mission.driver, "--output", "json"))
+    found = json.loads(ask(mission.run(GOTO, ABORTED).driver, "--output", "json"))
 
     (robot,) = found["robots"]
     (action,) = (each for each in robot["actions"] if each["action"] == GOTO)

@@ -71,8 +71,7 @@ def test_it_has_what_runs_and_what_was_wrong_when_goals_were_aborted(mission, pa
 
 
 def test_what_the_section_has_is_in_no_list_below_it(mission, page):
-    mission.run(GOTO, ABORTED)
-    assert mission.driver.events
+    assert mission.run(GOTO, ABORTED).driver.events
     (event,) = mission.driver.log.find(Wanted(kind="goal"))
     text = "a goal of navigate_to_pose was aborted: nothing else was wrong"
     entries = [{"time": event["time"], "text": text}]
@@ -85,8 +84,7 @@ def test_what_the_section_has_is_in_no_list_below_it(mission, page):
 
 def test_goals_of_which_nobody_knows_the_end_are_named(mission, page):
     mission.run(GOTO, SUCCEEDED)
-    mission.begin(GOTO)
-    mission.goals[GOTO] = []
+    mission.begin(GOTO).goals[GOTO] = []
     mission.send(GOTO)
 
     assert section(page(mission.driver)).startswith("100 % of 1 goal; 1 of 2 goals unknown")
