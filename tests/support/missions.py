@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import EXECUTING, Goal
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from support.configs import load_text
 from support.goal_lists import encode_goals
 from support.state_driver import LASER, OK, SETTLED, StateDriver
 
@@ -44,9 +44,7 @@ class Mission:
     @classmethod
     def of(cls, folder: Path, text: str) -> Mission:
         """The robot of a fleet.yml with this text."""
-        path = folder / "fleet.yml"
-        path.write_text(text, encoding="utf-8")
-        return cls(load(path))
+        return cls(load_text(folder, text))
 
     def look(self) -> set[str]:
         """One look at the graph; the topics that are subscribed."""

@@ -35,6 +35,12 @@ def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
     return tuple(rows)
 
 
+def raw_fleet(*names: str) -> Fleet:
+    """A fleet of robots of these names, each with its raw topic."""
+    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in names)
+    return Fleet("f", tuple(robots))
+
+
 class StateDriver:
     """One robot "r" in the fleet "f"; time passes only as the test says, in seconds from 0.
 
@@ -128,15 +134,15 @@ class StateDriver:
                 self.state.find_unmatched(self.now)
         return self
 
-    def _receive(
-        self, topic: str, statuses: tuple[Status, ...], stamp: float, publisher: str = ""
-    ) -> None:
-        array = Array(stamp, tuple(statuses), 100, publisher=publisher)
+    def receive(
+        self, topic: str, *statuses: Status, stamp: float = 0.0, publisher: str = ""
+    ) -> StateDriver:
+        array = Array(stamp, statuses, 100, publisher=publisher)
         self.state.receive(Topic(0, topic), array, self.now)
+        return self
 
     def raw(self, *statuses: Status, stamp: float = 0.0, publisher: str = "") -> StateDriver:
-        self._receive("/r/diagnostics", statuses, stamp, publisher)
-        return self
+        return self.receive("/r/diagnostics", *statuses, stamp=stamp, publisher=publisher)
 
     def graph(self, *writers: str) -> StateDriver:
         """Have the graph show who publishes the raw topic."""
@@ -145,8 +151,7 @@ class StateDriver:
         return self
 
     def agg(self, *statuses: Status) -> StateDriver:
-        self._receive("/r/diagnostics_agg", statuses, 0.0)
-        return self
+        return self.receive("/r/diagnostics_agg", *statuses)
 
     def raw_every(self, period: float, until: float, *statuses: Status) -> StateDriver:
         """Send the same statuses now and every ``period`` seconds, up to ``until`` exclusive."""
@@ -170,6 +175,11 @@ class StateDriver:
         """Scope, state and what it is about of each fault."""
         found = (each.identity for each in self.state.faults())
         return {(each.scope.value, each.state.value, *filter(None, each[2:])) for each in found}
+
+    def faults(self) -> list[tuple[str, str]]:
+        """Component and state of each fault, in their order."""
+        found = (each.identity for each in self.state.faults())
+        return sorted((each.component, each.state.value) for each in found)
 
     def component(self, name: str):
         (found,) = (each for each in self.robot.components if each.name == name)

@@ -1,6 +1,7 @@
 """A web server on a fake backend: the web is tested without ROS and without the state."""
 
 import http.client
+import json
 import socket
 import ssl
 import threading
@@ -304,6 +305,10 @@ class Reply:
     @property
     def text(self) -> str:
         return self.body.decode()
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
 
 
 def url_of(server: Server, path: str = "") -> str:

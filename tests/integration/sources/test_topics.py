@@ -7,10 +7,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, Image
 from std_msgs.msg import Bool
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.messages import MessageTypes
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources.dds_types import borrowed_type
+from support.configs import load_text
 from support.ros_publisher import repeating
 from testbed.polling import until
 
@@ -57,8 +57,7 @@ def started(tmp_path: Path, run_exporter, robots: str):
     folder = tmp_path / "msg/ur_dashboard_msgs"
     folder.mkdir(parents=True)
     (folder / "SafetyMode.msg").write_text("uint8 NORMAL=1\nuint8 STOP=3\nuint8 mode\n")
-    (tmp_path / "fleet.yml").write_text(FLEET.replace("ROBOTS", robots))
-    return run_exporter(load(tmp_path / "fleet.yml"))
+    return run_exporter(load_text(tmp_path, FLEET.replace("ROBOTS", robots)))
 
 
 def faults(running) -> dict[str, str]:
@@ -157,8 +156,7 @@ profiles:
 def test_robots_beyond_the_lan_are_judged_by_their_topics_too(
     tmp_path, router, bridge, run_exporter
 ):
-    (tmp_path / "fleet.yml").write_text(ZENOH.replace("ROUTER", router.locator))
-    running = run_exporter(load(tmp_path / "fleet.yml"))
+    running = run_exporter(load_text(tmp_path, ZENOH.replace("ROUTER", router.locator)))
     known = MessageTypes()
     for robot in ("cell/r", "yard/s"):
         kind = "std_msgs/msg/Bool"

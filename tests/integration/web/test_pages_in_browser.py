@@ -1,7 +1,6 @@
 """The exporter's pages in Chromium: accessible by axe-core, and renewed without losing focus."""
 
 import base64
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -267,5 +266,5 @@ def test_the_search_works_without_a_script(serve, window):
     page.get_by_role("button", name="Find").click()
     assert page.get_by_role("main").inner_text().count("agv_2") == 1
     assert "amr_1" not in page.get_by_role("main").inner_text()
-    assert json.loads(ask(server, "/api/v1/fleet").body)["robots"][0]["robot"] == "amr_1"
+    assert ask(server, "/api/v1/fleet").json["robots"][0]["robot"] == "amr_1"
     context.close()

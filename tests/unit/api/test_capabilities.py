@@ -3,8 +3,8 @@
 import pytest
 
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Downtime, Status
+from support.configs import load_text
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
 FLEET = """
@@ -27,8 +27,7 @@ def part(state, *, maintenance=False, **of):
 
 @pytest.fixture
 def driver(tmp_path):
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    return StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    return StateDriver(fleet=load_text(tmp_path, FLEET))
 
 
 def test_each_expression_has_its_parts_and_what_it_needs_of_others(driver):

@@ -158,7 +158,7 @@ def test_a_problem_of_many_robots_is_the_fleets():
     for second in range(60):
         for each in made:
             if second < 40:
-                driver._receive(each.topic_raw, (Status(OK, "Motor"),), 0.0)
+                driver.receive(each.topic_raw, Status(OK, "Motor"))
         driver.at(second + 1)
     fleet = fleet_snapshot(driver.state, driver.now)
     assert [(each["scope"], each["site"]) for each in fleet["problems"]] == [("site", "hall")]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from demo.steps import MOTOR, problems
-from ros_diagnostics_exporter.config.load import load
+from support.configs import load_text
 
 CHECKOUT = Path(__file__).parents[3]
 README = (CHECKOUT / "README.md").read_text()
@@ -32,9 +32,7 @@ def blocks(language: str, text: str = README) -> list[str]:
 
 @pytest.mark.parametrize("shown", [*blocks("yaml"), *blocks("yaml", ONE_HALL)])
 def test_the_fleet_yml_is_valid(tmp_path, shown):
-    (tmp_path / "fleet.yml").write_text(shown)
-
-    load(tmp_path / "fleet.yml")
+    load_text(tmp_path, shown)
 
 
 def test_every_command_of_run_exists():

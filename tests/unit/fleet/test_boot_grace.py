@@ -141,7 +141,7 @@ def test_many_robots_that_boot_together_have_no_common_fault():
     def go(until: float, level: int) -> None:
         while driver.now.mono < until:
             for name in names:
-                driver._receive(f"/{name}/diagnostics", (Status(level, "Lidar"),), 0.0)
+                driver.receive(f"/{name}/diagnostics", Status(level, "Lidar"))
             driver.at(driver.now.mono + 1)
 
     go(SETTLED, OK)

@@ -10,6 +10,7 @@ from ros_diagnostics_exporter.faults.model import PartName
 from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast
 from ros_diagnostics_exporter.model import Level, Status
 from ros_diagnostics_exporter.severity import state_of
+from support.configs import load_text
 from support.state_driver import ERROR, OK, SETTLED, StateDriver
 
 PROFILES = """
@@ -40,8 +41,7 @@ FINE = (
 
 
 def started(tmp_path, text=PROFILES):
-    (tmp_path / "fleet.yml").write_text(text)
-    return StateDriver(fleet=load(tmp_path / "fleet.yml")).raw_every(1, SETTLED, *FINE)
+    return StateDriver(fleet=load_text(tmp_path, text)).raw_every(1, SETTLED, *FINE)
 
 
 @pytest.fixture
@@ -172,8 +172,8 @@ def test_without_capabilities_there_is_nothing_of_them():
 def test_a_config_without_the_capability_has_its_parts_as_faults(driver, tmp_path):
     publish(driver, Status(ERROR, "Motor 1"))
     text = PROFILES.replace("drive: [Motor, Laser], ", "").replace("{capability: drive}, ", "")
-    (tmp_path / "fleet.yml").write_text(text.replace("{check: motors}", "Laser"))
-    driver.state.configure(load(tmp_path / "fleet.yml"), driver.now)
+    fleet = load_text(tmp_path, text.replace("{check: motors}", "Laser"))
+    driver.state.configure(fleet, driver.now)
     publish(driver, Status(ERROR, "Motor 1"))
     assert faults(driver) == {("Motor 1", "critical")}
     assert [(each.state, each.reason) for each in driver.events if each.kind == "fault_ended"] == [

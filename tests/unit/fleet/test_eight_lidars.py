@@ -1,7 +1,7 @@
 """A car with eight lidars, as one was recorded: the two at the front go blind at once."""
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
+from support.configs import load_text
 from support.state_driver import ERROR, OK, STALE, StateDriver
 
 PLACES = ("front", "left", "rear", "right")
@@ -24,8 +24,7 @@ class Car(StateDriver):
     """Publishes all lidars twice a second."""
 
     def __init__(self, tmp_path):
-        (tmp_path / "fleet.yml").write_text(FLEET)
-        super().__init__(fleet=load(tmp_path / "fleet.yml"))
+        super().__init__(fleet=load_text(tmp_path, FLEET))
         self.levels = dict.fromkeys((*LIDARS, "Steering"), OK)
 
     def drive(self, seconds: float, **levels: int) -> list[str]:

@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.model import Status
 from support.state_driver import ERROR, OK, SETTLED, WALL, WARN, StateDriver
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -186,7 +186,7 @@ def test_of_a_site_its_robots():
     for second in range(int(SETTLED)):
         driver.at(second)
         for robot in robots:
-            driver.state.receive(Topic(0, robot.topic_raw), Array(0.0, (MOTOR,), 100), driver.now)
+            driver.receive(robot.topic_raw, MOTOR)
     driver.at(SETTLED + 30)
     assert driver.fault_names() == {("site", "silent", "hall"), ("robot", "silent", "q")}
     (fault,) = (each for each in driver.state.faults() if each.identity.site)

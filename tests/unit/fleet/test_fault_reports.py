@@ -27,8 +27,8 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row, State
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
-from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, tree
+from ros_diagnostics_exporter.model import Downtime, Endpoint, Status
+from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, raw_fleet, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
 HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
@@ -569,7 +569,7 @@ def find(driver: StateDriver, number: int) -> None:
 def send(driver: StateDriver, until: float, number: int) -> None:
     while driver.now.mono < until:
         for each in range(number):
-            driver._receive(f"/r{each}/diagnostics", (MOTOR,), 0.0)
+            driver.receive(f"/r{each}/diagnostics", MOTOR)
         driver.at(min(until, driver.now.mono + 1))
 
 
@@ -783,13 +783,11 @@ def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
 
 def test_the_robots_whose_clocks_differ_are_the_evidence_against_the_exporters():
     names = ("r1", "r2", "r3")
-    robots = [Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW) for name in names]
-    driver = StateDriver(fleet=Fleet("f", tuple(robots)))
+    driver = StateDriver(fleet=raw_fleet(*names))
     for second in range(130):
         driver.at(second)
         for name, behind in zip(names, (90, 60, 0), strict=True):
-            array = Array(driver.now.wall - behind, (MOTOR,), 100)
-            driver.state.receive(Topic(0, f"/{name}/diagnostics"), array, driver.now)
+            driver.receive(f"/{name}/diagnostics", MOTOR, stamp=driver.now.wall - behind)
     (fault,) = driver.state.faults()
     assert (fault.identity.scope.value, fault.evidence) == ("exporter", "2 robots: r1, r2")
 

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.main import main
+from support.configs import load_text
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
 
@@ -49,8 +50,7 @@ class Hall(StateDriver):
                 [robots(names), robots(["far"], "yard"), robots(["dog"], profile="default")]
             ),
         )
-        (tmp_path / "fleet.yml").write_text(text)
-        super().__init__(fleet=load(tmp_path / "fleet.yml"))
+        super().__init__(fleet=load_text(tmp_path, text))
         self.path = tmp_path / "fleet.yml"
         self.levels = dict.fromkeys((*names, "far", "dog"), OK)
 
@@ -62,7 +62,7 @@ class Hall(StateDriver):
             self.now = type(self.now)(self.now.mono + 1, self.now.wall + 1)
             for name, level in self.levels.items():
                 if level is not None:
-                    self._receive(f"/{name}/diagnostics", (Status(level, "Lift"),), 0.0)
+                    self.receive(f"/{name}/diagnostics", Status(level, "Lift"))
             self.state.tick(self.now)
         return self
 

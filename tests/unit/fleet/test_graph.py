@@ -49,10 +49,6 @@ class Driver(StateDriver):
             self.at(self.now.mono + 1)
         return self
 
-    def faults(self) -> list[tuple[str, str]]:
-        found = self.state.faults()
-        return [(each.identity.component, each.identity.state.value) for each in found]
-
 
 def test_a_node_that_is_gone_is_a_fault_of_its_robot_until_it_is_back():
     driver = Driver(fleet=fleet())

@@ -39,10 +39,6 @@ class Driver(StateDriver):
             self.at(second + 1)
         return self
 
-    def faults(self) -> list[tuple[str, str]]:
-        found = self.state.faults()
-        return [(each.identity.component, each.identity.state.value) for each in found]
-
 
 @pytest.fixture
 def driver() -> Driver:

@@ -310,7 +310,7 @@ def test_goals_of_one_action_that_fail_on_many_robots_are_one_fault(tmp_path):
     def stand(seconds: int) -> None:
         for _ in range(seconds):
             for name in names:
-                driver._receive(f"/{name}/diagnostics", (LASER,), 0.0)
+                driver.receive(f"/{name}/diagnostics", LASER)
             driver.at(driver.now.mono + 1)
 
     driver.state.update_nodes(0, [("dock", f"/{each}") for each in names], driver.now)

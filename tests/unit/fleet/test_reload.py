@@ -91,8 +91,7 @@ def test_a_robot_keeps_its_history_when_it_moves_to_another_topic():
     assert driver.state.wanted_topics(0) == {"/elsewhere/diagnostics": False}
 
     driver.at(2)
-    array = Array(0.0, (HOT,), 10)
-    driver.state.receive(Topic(0, "/elsewhere/diagnostics"), array, driver.now)
+    driver.receive("/elsewhere/diagnostics", HOT)
     assert driver.problem_since("Motor") == driver.now.wall - 1
 
 
@@ -364,7 +363,7 @@ def test_what_is_discovered_while_a_reload_is_about_to_declare_it_follows_the_co
     assert found[0] is robot
     assert robot.declared
     assert robot.settings is new
-    driver.state.receive(Topic(0, "/new/diagnostics"), Array(0.0, (HOT,), 1), driver.now)
+    driver.receive("/new/diagnostics", HOT)
     assert driver.sample("robot_messages_total", robot="new") == 1
 
 

@@ -8,9 +8,9 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.graph_messages import Log
+from support.configs import load_text
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 BATTERY, BOOL = "sensor_msgs/msg/BatteryState", "std_msgs/msg/Bool"
@@ -34,8 +34,7 @@ profiles:
 
 
 def fleet_of(folder: Path, robot: str = "source: raw", text: str = FLEET):
-    (folder / "fleet.yml").write_text(text.replace("ROBOT", robot))
-    return load(folder / "fleet.yml")
+    return load_text(folder, text.replace("ROBOT", robot))
 
 
 class Driver(StateDriver):
@@ -59,10 +58,6 @@ class Driver(StateDriver):
     def send(self, topic: str, message) -> None:
         data = message if isinstance(message, bytes) else serialize_message(message)
         self.state.receive_fields(0, topic, self.types[topic][0], data, self.now)
-
-    def faults(self) -> list[tuple[str, str]]:
-        found = self.state.faults()
-        return sorted((each.identity.component, each.identity.state.value) for each in found)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ros_diagnostics_exporter.config.load import load
+from support.configs import load_text
 from support.shipped_rules import ROOT
 from support.state_driver import ERROR, OK, WARN, StateDriver
 
@@ -43,8 +43,7 @@ class Robot(StateDriver):
             file = (folder / "msg").joinpath(*file.relative_to(folder).parts).with_suffix(".msg")
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(definition)
-        (folder / "fleet.yml").write_text(text)
-        super().__init__(fleet=load(folder / "fleet.yml"))
+        super().__init__(fleet=load_text(folder, text))
         (self.settings,) = self.state.fleet.robots
         self.types: dict[str, list[str]] = {}  # of what is published, now or seldom
 

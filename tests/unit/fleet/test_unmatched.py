@@ -7,9 +7,9 @@ import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.cli.main import main
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, UnmatchedWatch
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from support.configs import load_text
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
 
@@ -39,8 +39,7 @@ EMPTY = dict.fromkeys(KINDS, 0)
 
 
 def driver_of(tmp_path: Path, text: str) -> StateDriver:
-    (tmp_path / "fleet.yml").write_text(text)
-    return StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    return StateDriver(fleet=load_text(tmp_path, text))
 
 
 def received(driver: StateDriver, seconds: float) -> list[dict[str, str]]:
@@ -133,7 +132,7 @@ def test_the_five_minutes_are_over_at_their_end():
 def test_a_shared_topic_on_which_no_robot_was_found_is_reported(tmp_path):
     driver = driver_of(tmp_path, f"{MATCHING}shared: [{{topic: /a/d}}, {{topic: /b/d}}]")
     status = MOTOR._replace(hardware_id="r2")
-    driver.state.receive(Topic(0, "/a/d"), Array(0.0, (status,), 100), driver.now)
+    driver.receive("/a/d", status)
     assert received(driver, 2 * GRACE) == [{"what": "shared", "entry": "/b/d", "nearest": ""}]
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Query, Robot, Source
-from ros_diagnostics_exporter.model import Array, Downtime, Status, Topic
+from ros_diagnostics_exporter.model import Downtime, Status
 from support.state_driver import ERROR, OK, StateDriver
 
 ALL = ("r", "r2", "r3", "r4", "r5", "r6")
@@ -44,8 +44,7 @@ class Driver(StateDriver):
         while self.now.mono < end:
             second = int(self.now.mono)
             for name in sorted(self.received):
-                array = Array(0.0, (Status(OK, "Motor"),), 100)
-                self.state.receive(Topic(0, f"/{name}/diagnostics"), array, self.now)
+                self.receive(f"/{name}/diagnostics", Status(OK, "Motor"))
             if self.asked and second % 5 == 0:
                 self._answer(UPLINK_PING, ("ap", "router"))
                 self._answer(HOST_PING, ALL)
@@ -199,9 +198,7 @@ def test_without_prometheus_robots_of_an_uplink_that_answered_last_are_silent_th
 def test_a_robot_of_which_messages_are_received_has_its_own_faults_behind_a_failing_uplink(driver):
     driver.failing |= {"ap", "r"}
     assert driver.pass_to(300).began == ["ap ping"]
-    driver.state.receive(
-        Topic(0, "/r/diagnostics"), Array(0.0, (Status(ERROR, "Laser"),), 100), driver.now
-    )
+    driver.raw(Status(ERROR, "Laser"))
     assert driver.pass_to(330).began == ["ap ping", "r Laser"]
 
 

@@ -288,7 +288,7 @@ def test_robots_that_are_received_are_counted_for_each_site_and_rejected_ones_ha
     fleet = Fleet("f", tuple(robots), discoveries=(wanted,), limits=Limits(robots=4))
     driver = StateDriver(fleet=fleet)
     for each in robots[:2]:
-        driver._receive(each.topic_raw, (Status(OK, "Motor"),), 0.0)
+        driver.receive(each.topic_raw, Status(OK, "Motor"))
     driver.state.update_graph(0, {"/extra/diagnostics": Endpoint(1)}, driver.now)
 
     assert driver.sample("site_received_robots", site="hall") == 2
@@ -314,7 +314,7 @@ def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
     driver.state.plan([Downtime("r4", "", 0.0, WALL + 100, "ann", "new\ntires")], driver.now)
     for robot, level in zip(robots, (OK, WARN, ERROR, None, ERROR), strict=True):
         if level is not None:
-            driver._receive(robot.topic_raw, (Status(level, "Lift"),), 0.0)
+            driver.receive(robot.topic_raw, Status(level, "Lift"))
     driver.at(2)
 
     own = {"fleet": "f", "exporter": "e"}

@@ -217,7 +217,7 @@ def test_a_fault_of_many_robots_names_its_members_by_its_id():
         driver.at(second)
         for robot in robots:
             broken = robot.name != "r5" and second > 2
-            driver._receive(robot.topic_raw, (HOT if broken else MOTOR,), 0.0)
+            driver.receive(robot.topic_raw, HOT if broken else MOTOR)
     members = driver.samples()["fault_member"]
     [fault] = {dict(each)["fault"] for each in members}
     assert {dict(each)["robot"] for each in members} == {"r0", "r1", "r2", "r3", "r4"}

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots.conditions import RobotConditions
 from ros_diagnostics_exporter.severity import shown_problems, state_of
+from support.configs import load_text
 from support.state_driver import ERROR, OK, SETTLED, STALE, WARN, StateDriver
 
 LOW, FULL = Status(ERROR, "Battery", "Low"), Status(OK, "Battery", "Full")
@@ -39,12 +39,12 @@ def driver_of(tmp_path):
 
 
 def fleet_of(folder: Path, profile: str) -> Fleet:
-    (folder / "fleet.yml").write_text(
+    return load_text(
+        folder,
         "fleet: f\n"
         f"profiles: {{default: {{{profile}}}}}\n"
-        "robots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
+        "robots: [{name: r, topic: /r/diagnostics, source: raw}]\n",
     )
-    return load(folder / "fleet.yml")
 
 
 def changes(driver: StateDriver) -> list[str]:

@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 from textwrap import indent
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Level, Status
+from support.configs import load_text
 from support.state_driver import SETTLED, StateDriver
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "configuration.md"
@@ -21,8 +21,7 @@ def example(folder: Path, number: int, sentence: str) -> StateDriver:
     assert said == sentence
     robot = "robots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
     profiles = f"profiles:\n  default:\n{indent(block, '    ')}"
-    (folder / "fleet.yml").write_text(f"fleet: f\n{robot}{profiles}")
-    return StateDriver(fleet=load(folder / "fleet.yml"))
+    return StateDriver(fleet=load_text(folder, f"fleet: f\n{robot}{profiles}"))
 
 
 def status(name: str, level: int = Level.OK, **values: str) -> Status:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Shared
 from ros_diagnostics_exporter.events import Wanted
-from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Endpoint, Status
 from support.state_driver import ERROR, OK, STALE, StateDriver, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
@@ -34,7 +34,7 @@ def eventful() -> StateDriver:
     driver.state.update_graph(0, {"/d/diagnostics_agg": Endpoint(1)}, driver.now)
     for topic in ("/d/diagnostics_agg", "/diagnostics"):
         statuses = (Status(ERROR, "Twin", "1", "a"), Status(OK, "Twin", "2", "b"))
-        driver.state.receive(Topic(0, topic), Array(0.0, statuses, 100), driver.now)
+        driver.receive(topic, *statuses)
     return driver
 
 

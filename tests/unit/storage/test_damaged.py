@@ -9,12 +9,11 @@ from contextlib import closing
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Wanted
-from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.storage import earlier
 from ros_diagnostics_exporter.storage.database import MAGIC, ForeignError, is_damage
-from support.state_driver import ERROR, OK, StateDriver
+from support.state_driver import ERROR, OK, StateDriver, raw_fleet
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
 
@@ -76,18 +75,12 @@ def test_a_first_start_with_an_empty_file_is_no_error(path, caplog):
 # -- tables and versions ---------------------------------------------------------------------
 
 
-def fleet_of(*names: str) -> Fleet:
-    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in names)
-    return Fleet("f", tuple(robots))
-
-
 @pytest.fixture
 def written(path) -> StateDriver:
     """A process that has ended, with a hot motor of each of three robots."""
-    driver = StateDriver(fleet=fleet_of("r", "s", "t"))
+    driver = StateDriver(fleet=raw_fleet("r", "s", "t"))
     for name in ("r", "s", "t"):
-        topic = Topic(0, f"/{name}/diagnostics")
-        driver.state.receive(topic, Array(0.0, (HOT,), 100), driver.now)
+        driver.receive(f"/{name}/diagnostics", HOT)
     driver.keep(path)
     driver.close()
     return driver
@@ -211,7 +204,7 @@ def test_a_robot_whose_name_is_none_is_named_and_left_out(path, written, edit, c
     name = name.replace("LONG", f"x{long}")
     edit(f"UPDATE robots SET name = {name} WHERE name = 's'")
     edit(f"UPDATE robots SET name = '{long}' WHERE name = 't'")
-    after = written.restart(path, fleet=fleet_of("r", long))
+    after = written.restart(path, fleet=raw_fleet("r", long))
     after.save()
 
     assert caplog.text.count("its name is not one of a robot") == 1

@@ -9,11 +9,10 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.faults.model import Fault
-from ros_diagnostics_exporter.model import Array, Status, Topic
-from support.state_driver import ERROR, OK, StateDriver
+from ros_diagnostics_exporter.model import Status
+from support.state_driver import ERROR, OK, StateDriver, raw_fleet
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
 LASER = Status(ERROR, "Laser", "Dirty")
@@ -117,13 +116,11 @@ def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
 
 
 def test_what_refers_to_a_dropped_row_is_dropped_and_the_rest_restored(path, caplog):
-    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in ("r", "s"))
-    before = StateDriver(fleet=Fleet("f", tuple(robots)))
+    before = StateDriver(fleet=raw_fleet("r", "s"))
     for second in range(1, 20):
         before.at(second)
         for name in ("r", "s"):
-            array = Array(0.0, (HOT,), 100)
-            before.state.receive(Topic(0, f"/{name}/diagnostics"), array, before.now)
+            before.receive(f"/{name}/diagnostics", HOT)
     before.keep(path)
     assert len(before.state.faults()) == 2
 

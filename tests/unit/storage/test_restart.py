@@ -5,10 +5,10 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import ComponentRule, Discovery, Fleet, Robot, Source
-from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Discovery, Fleet, Source
+from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.storage.storage import Storage
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, raw_fleet, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
 LASER = Status(OK, "Laser")
@@ -135,14 +135,8 @@ def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(path):
 # -- what is written -------------------------------------------------------------------------
 
 
-def fleet_of(*names: str) -> Fleet:
-    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in names)
-    return Fleet("f", tuple(robots))
-
-
 def receive(driver: StateDriver, robot: str, *statuses: Status) -> None:
-    array = Array(0.0, statuses, 100)
-    driver.state.receive(Topic(0, f"/{robot}/diagnostics"), array, driver.now)
+    driver.receive(f"/{robot}/diagnostics", *statuses)
 
 
 def test_the_last_write_has_what_was_seen_last(path):
@@ -175,7 +169,7 @@ def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(path, c
 
 
 def test_only_the_robots_that_changed_are_written(path, content, edit):
-    driver = StateDriver(fleet=fleet_of("r", "s"))
+    driver = StateDriver(fleet=raw_fleet("r", "s"))
     receive(driver, "s", COOL)
     driver.raw(COOL)
     driver.keep(path)
@@ -193,11 +187,11 @@ def test_only_the_robots_that_changed_are_written(path, content, edit):
 
 @pytest.mark.parametrize("restarted", [False, True])
 def test_a_robot_that_is_forgotten_goes(path, content, restarted):
-    driver = StateDriver(fleet=fleet_of("r", "s"))
+    driver = StateDriver(fleet=raw_fleet("r", "s"))
     driver.keep(path)
     if restarted:
-        driver = driver.restart(path, fleet=fleet_of("r"))
-    driver.state.configure(fleet_of("r"), driver.now)
+        driver = driver.restart(path, fleet=raw_fleet("r"))
+    driver.state.configure(raw_fleet("r"), driver.now)
     driver.at(2)
     driver.save()
     assert [name for name, _text in content()["robots"]] == ["r"]
@@ -226,8 +220,7 @@ def test_a_wall_clock_that_was_set_between_two_starts_delays_no_fault(path, days
         after.raw(warm._replace(level=ERROR), weak)
         after.now = Instant(float(second), began + second)
         after.state.tick(after.now)
-    found = {(each.identity.component, each.identity.state.value) for each in after.state.faults()}
-    assert found == {("Motor", "warning"), ("Motor", "critical"), ("Arm", "critical")}
+    assert {*after.faults()} == {("Motor", "warning"), ("Motor", "critical"), ("Arm", "critical")}
     assert all(fault.since <= after.now.wall for fault in after.state.faults() if days > 0)
     assert after.robot.last_wall <= after.now.wall
     after.close()

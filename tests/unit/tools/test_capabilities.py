@@ -5,8 +5,8 @@ import json
 import pytest
 
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
+from support.configs import load_text
 from support.state_driver import ERROR, OK, WARN, StateDriver
 
 FLEET = """
@@ -36,8 +36,7 @@ NAMES = ("Laser 1", "Laser 2", "Motor 1", "Motor 2", "Arm", "Speaker", "Screen")
 @pytest.fixture
 def ask(tmp_path, serve, run):
     """Has the robot publish these components as broken; what the command prints of it."""
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    driver = StateDriver(fleet=load_text(tmp_path, FLEET))
     server = serve(capabilities=lambda name: capability_tree(driver.state, name, driver.now))
 
     def ask(*broken: str, output: str = "table", robot: str = "r") -> str:
@@ -116,8 +115,7 @@ def test_the_tree_shows_each_state_and_the_parts_below(ask):
 
 
 def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, run):
-    (tmp_path / "fleet.yml").write_text(STRICT)
-    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    driver = StateDriver(fleet=load_text(tmp_path, STRICT))
     server = serve(capabilities=lambda name: capability_tree(driver.state, name, driver.now))
     driver.raw_every(1, 40, Status(WARN, "Laser 1"), Status(OK, "Laser 2"))
     shown = run("capabilities", "r", at=server).out

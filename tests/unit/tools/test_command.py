@@ -184,8 +184,7 @@ def unknown(*_given, **_more):
 
 
 def test_why_names_the_nearest_robot(serve, run):
-    server = serve(why=unknown, fleet_snapshot=lambda: FLEET)
-    said = run("why", "robot1", at=server, code=1).err
+    said = run("why", "robot1", at=serve(why=unknown, fleet_snapshot=lambda: FLEET), code=1).err
     assert "no robot 'robot1'; the nearest is 'robot_1'" in said
 
 

@@ -134,9 +134,7 @@ def test_a_name_is_as_short_as_it_is_unique():
 def test_a_fleet_that_is_well_has_no_empty_columns(serve, run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     given = fleet(robot("robot_3", component("Motor 1", "OK")))
-    server = serve(fleet_snapshot=lambda: given)
-
-    lines = run("status", at=server).out.splitlines()
+    lines = run("status", at=serve(fleet_snapshot=lambda: given)).out.splitlines()
     assert lines[0].split() == ["State", "Message"]
     assert lines[-1].strip().endswith(": robot_3 is OK")
     assert len(lines) == 4
@@ -196,8 +194,7 @@ def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
             raise RuntimeError
         return FLEET
 
-    server = serve(fleet_snapshot=look)
-    arguments = ["status", "--watch", "1100ms", "--url", url_of(server)]
+    arguments = ["status", "--watch", "1100ms", "--url", url_of(serve(fleet_snapshot=look))]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:
             wait_until(lambda: len(looks) >= 4)  # then the third, good again, was shown

@@ -1,4 +1,3 @@
-import json
 import socket
 import threading
 import time
@@ -17,14 +16,14 @@ def test_the_fleet_is_the_backends_snapshot(serve):
     expected = fleet(robot("robot_1", MOTOR), robot("robot_2"))
     answer = ask(serve(fleet_snapshot=lambda: expected), "/api/v1/fleet")
     assert answer.headers["Content-Type"] == "application/json"
-    assert json.loads(answer.body) == expected
+    assert answer.json == expected
 
 
 def test_the_fleet_can_be_filtered_by_robot(serve):
     server = serve(fleet_snapshot=lambda: fleet(robot("a"), robot("b"), robot("c d")))
     wanted = {"robot=b": ["b"], "robot=a&robot=c%20d": ["a", "c d"], "robot=x": []}
     for query, names in wanted.items():
-        found = json.loads(ask(server, f"/api/v1/fleet?{query}").body)
+        found = ask(server, f"/api/v1/fleet?{query}").json
         assert [each["robot"] for each in found["robots"]] == names
         assert found["fleet"] == "hall"
 
@@ -35,7 +34,7 @@ def test_numbers_that_json_does_not_have_are_null_and_any_string_is_encoded(serv
     known = fleet(robot("r", odd), robot("é\ud800"))
     answer = ask(serve(fleet_snapshot=lambda: known), "/api/v1/fleet")
     assert "é?" in answer.text
-    found = json.loads(answer.body)["robots"][0]["components"][0]
+    found = answer.json["robots"][0]["components"][0]
     assert (found["component"], found["flap_ratio"]) == ("Übermotor\n?", None)
     assert found["values"][0]["number"] is None
 
@@ -77,7 +76,7 @@ def test_events_are_filtered_and_newest_first(serve):
     def times(query: str) -> list[float]:
         answer = ask(server, f"/api/v1/events{query}")
         assert answer.status == 200, answer.text
-        return [event["time"] for event in json.loads(answer.body)["events"]]
+        return [event["time"] for event in answer.json["events"]]
 
     assert times("") == [3.0, 2.0, 1.0]
     assert times("?kind=robot") == [2.0]
@@ -99,7 +98,7 @@ def test_events_since_a_time_ago(serve):
 
     def robots(query: str) -> list[str]:
         answer = ask(server, f"/api/v1/events?{query}")
-        return [event["robot"] for event in json.loads(answer.body)["events"]]
+        return [event["robot"] for event in answer.json["events"]]
 
     assert robots("since=10m") == ["10", "500"]
     assert robots("since=1h30m&until=1m") == ["500"]
@@ -110,7 +109,7 @@ def test_events_since_a_time_ago(serve):
 def test_the_faults_are_the_backends(serve):
     lasting = {"fleet": "hall", "time": 1.0, "faults": [{**broken(), "labels": {}}]}
     server = serve(faults=lambda: lasting)
-    assert json.loads(ask(server, "/api/v1/faults").body) == lasting
+    assert ask(server, "/api/v1/faults").json == lasting
     rejected = ask(server, "/api/v1/faults?robot=a")
     assert (rejected.status, "'robot'; there is none" in rejected.text) == (400, True)
 
@@ -125,7 +124,7 @@ def test_pages_of_events_have_a_size_limit(serve, monkeypatch):
     server, before, times, pages = serve(find_events=log.find), "", [], 0
     while True:
         answer = ask(server, f"/api/v1/events?limit=10000{before}")
-        page = json.loads(answer.body)
+        page = answer.json
         assert len(answer.body) < 10_100 or len(page["events"]) == 1
         pages += 1
         times += [event["time"] for event in page["events"]]
@@ -148,7 +147,7 @@ def test_an_invalid_parameter_is_rejected_by_name(plain, path, queries):
     for query in queries.split():
         answer = ask(plain, f"{path}?{query}")
         assert (answer.status, query) == (400, query)
-        assert query.split("=")[0] in json.loads(answer.body)["error"]
+        assert query.split("=")[0] in answer.json["error"]
 
 
 def test_targets_are_the_backends_and_an_unknown_job_is_404(serve):
@@ -162,14 +161,14 @@ def test_targets_are_the_backends_and_an_unknown_job_is_404(serve):
         return [group | {"port": port}]
 
     server = serve(targets=targets)
-    assert json.loads(ask(server, "/sd/node").body) == [group | {"port": None}]
-    assert json.loads(ask(server, "/sd/node?port=65535").body) == [group | {"port": 65535}]
+    assert ask(server, "/sd/node").json == [group | {"port": None}]
+    assert ask(server, "/sd/node?port=65535").json == [group | {"port": 65535}]
     assert "known are port" in ask(server, "/sd/node?x=1").text
     answer = ask(server, "/sd/node?port=1")
-    assert (answer.status, json.loads(answer.body)) == (400, {"error": "that port is not allowed"})
+    assert (answer.status, answer.json) == (400, {"error": "that port is not allowed"})
     assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
     answer = ask(server, "/sd/nodes")
-    assert (answer.status, json.loads(answer.body)) == (404, {"error": "no job nodes"})
+    assert (answer.status, answer.json) == (404, {"error": "no job nodes"})
 
 
 def test_reload_is_forbidden_unless_the_lifecycle_api_is_enabled(serve):
@@ -194,12 +193,11 @@ def test_a_failed_reload_returns_every_error(serve):
     def fail():
         raise ValueError("fleet.yml:3: robots[0].name: missing\nfleet.yml:9: x: unknown key")
 
-    server = serve(reload=fail, lifecycle=True)
-    answer = ask(server, "/-/reload", "POST")
+    answer = ask(serve(reload=fail, lifecycle=True), "/-/reload", "POST")
     assert answer.status == 400
-    assert json.loads(answer.body)["error"].count("fleet.yml:") == 2
+    assert answer.json["error"].count("fleet.yml:") == 2
     reloaded = ask(serve(lifecycle=True), "/-/reload", "PUT")
-    assert (reloaded.status, json.loads(reloaded.body)) == (200, {"reloaded": True})
+    assert (reloaded.status, reloaded.json) == (200, {"reloaded": True})
 
 
 def test_accept_takes_what_the_graph_shows_of_a_robot(serve):
@@ -213,7 +211,7 @@ def test_accept_takes_what_the_graph_shows_of_a_robot(serve):
 
     server = serve(accept_graph=accept)
     path = "/-/watch/accept"
-    assert json.loads(ask(server, f"{path}?robot=a", "POST").body) == {"expected": 16}
+    assert ask(server, f"{path}?robot=a", "POST").json == {"expected": 16}
     assert ask(server, f"{path}?robot=a").status == 405
     proxied = ask(server, f"{path}?robot=a", "POST", X_Forwarded_For="192.0.2.7")
     assert proxied.status == 403
@@ -234,11 +232,11 @@ def test_forget_removes_a_robot_or_a_component(serve):
 
     server = serve(forget=forget, lifecycle=True)
     answer = ask(server, "/-/forget?robot=a&component=Motor%201", "POST")
-    assert json.loads(answer.body) == {"forgotten": 10, "passed_on": True}
+    assert answer.json == {"forgotten": 10, "passed_on": True}
     assert ask(server, "/-/forget?robot=a", "POST").status == 200
     assert removed == [("a", "Motor 1"), ("a", None)]
     missing = ask(server, "/-/forget?robot=x", "POST", X_Forwarded_For="192.0.2.7")
-    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no robot 'x'"})
+    assert (missing.status, missing.json) == (404, {"error": "no robot 'x'"})
     assert ask(server, "/-/forget", "POST").status == 400
 
 
@@ -291,7 +289,7 @@ def test_a_page_of_another_site_cannot_change_anything_over_plain_http(serve, pa
     )
     answer = ask(server, path, "POST", **headers)
     assert (answer.status, called) == (403, [])
-    assert "another site" in json.loads(answer.body)["error"]
+    assert "another site" in answer.json["error"]
 
 
 @pytest.mark.parametrize(
@@ -314,7 +312,7 @@ def test_tools_and_the_exporters_own_pages_can_reload(serve, headers):
 def test_errors_for_unknown_paths_and_methods_are_json(serve):
     server = serve()
     answer = ask(server, "/nothing/here")
-    assert (answer.status, json.loads(answer.body)) == (404, {"error": "Not Found"})
+    assert (answer.status, answer.json) == (404, {"error": "Not Found"})
     assert ask(server, "/metrics", "DELETE").status == 405
 
 
@@ -328,7 +326,7 @@ def test_notifications_are_given_to_the_backend_whole(serve):
     server = serve(notified=notified)
     sent = b'{"a": "' + b"x" * 300_000 + b'"}'
     answer = ask(server, "/api/v1/notifications", "POST", body=sent)
-    assert (answer.status, json.loads(answer.body)) == (200, {"recorded": 2, "ignored": 1})
+    assert (answer.status, answer.json) == (200, {"recorded": 2, "ignored": 1})
     assert bodies == [sent]
     assert ask(server, "/api/v1/notifications").status == 405
 
@@ -344,7 +342,7 @@ def test_a_message_that_is_too_large_or_wrong_or_of_another_site_is_rejected(ser
     assert ask(server, path, "POST", body=b"x" * (api.MAX_BODY + 1)).status == 413
     assert ask(server, path, "POST", body=b"x" * api.MAX_BODY).status == 400
     wrong = ask(server, path, "POST", body=b"{}")
-    assert (wrong.status, json.loads(wrong.body)) == (400, {"error": "not a message"})
+    assert (wrong.status, wrong.json) == (400, {"error": "not a message"})
     assert ask(server, path, "POST", body=b"{}", Origin="http://evil.example").status == 403
     assert ask(server, f"{path}?receiver=x", "POST", body=b"{}").status == 400
 
@@ -367,10 +365,10 @@ def test_why_is_the_backends_history(serve):
         return {"entries": []}
 
     server = serve(why=why)
-    assert json.loads(ask(server, "/api/v1/why?robot=r&component=c&at=5").body) == {"entries": []}
+    assert ask(server, "/api/v1/why?robot=r&component=c&at=5").json == {"entries": []}
     assert asked == [("r", "c", 5.0)]
     missing = ask(server, "/api/v1/why?robot=x")
-    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no robot 'x'"})
+    assert (missing.status, missing.json) == (404, {"error": "no robot 'x'"})
     for query in ("", "?robot=", "?robot=r&at=soon", "?robot=r&x=1"):
         assert ask(server, f"/api/v1/why{query}").status == 400
 
@@ -402,7 +400,7 @@ def test_a_recording_is_a_file_or_an_error_that_says_why_there_is_none(serve):
     assert (found.status, found.body) == (200, b"\x89MCAP0\r\n")
     assert found.headers["Content-Disposition"] == 'attachment; filename="0123456789ab.mcap"'
     missing = ask(server, "/api/v1/faults/x/recording.mcap")
-    assert (missing.status, json.loads(missing.body)) == (
+    assert (missing.status, missing.json) == (
         404,
         {"error": "no recording of fault 'x'"},
     )

@@ -1,6 +1,5 @@
 import base64
 import hashlib
-import json
 import re
 import time
 from html.parser import HTMLParser
@@ -41,6 +40,10 @@ class _Reader(HTMLParser):
         super().__init__()
         self.tags: list[tuple[str, dict]] = []
         self.text = ""
+
+    @property
+    def links(self) -> list[str]:
+        return [attrs["href"] for tag, attrs in self.tags if tag == "a"]
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))
@@ -105,7 +108,7 @@ def test_the_page_loads_nothing_and_its_policy_forbids_it(serve):
 
 def test_all_links_of_the_page_work(serve):
     server = serve(telemetry_path="/m", fleet_snapshot=lambda: fleet(robot("a")))
-    links = [attrs["href"] for tag, attrs in read(ask(server, "/").text).tags if tag == "a"]
+    links = read(ask(server, "/").text).links
     assert len(links) >= 6
     assert {ask(server, f"/{link}").status for link in links} == {200}
 
@@ -116,22 +119,19 @@ def test_all_links_of_the_page_work(serve):
 def test_each_robot_has_a_page_whose_links_work(serve, name):
     given = fleet(robot(name, component("Motor 1", "OK")), robot("other"))
     server = serve(fleet_snapshot=lambda: given)
-    (path,) = (
-        attrs["href"]
-        for tag, attrs in read(ask(server, "/").text).tags
-        if tag == "a" and attrs["href"].startswith("robots/") and "other" not in attrs["href"]
-    )
+    links = read(ask(server, "/").text).links
+    (path,) = (each for each in links if each.startswith("robots/") and "other" not in each)
     assert path.count("/") == 1  # so that the links of that page are relative to the same place
     answer = ask(server, f"/{path}")
     assert answer.status == 200
     assert str(escape(one_line(name))) in answer.text
-    links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
+    links = read(answer.text).links
     assert len(links) >= 3
     for link in links:
         there = ask(server, urljoin(f"/{path}", link))
         assert there.status == 200
         if "fleet?" in link:
-            assert [each["robot"] for each in json.loads(there.body)["robots"]] == [name]
+            assert [each["robot"] for each in there.json["robots"]] == [name]
 
 
 def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
@@ -166,7 +166,7 @@ def test_a_runbook_is_a_page_with_the_names_filled_in(serve, suffix):
     assert "<h2>Do this now</h2>" in answer.text
     assert "ros-diagnostics why robot_3 'Motor  \"2\"'" in page.text
     assert '{robot="robot_3", component="Motor  \\"2\\""}' in page.text
-    assert {"../robots/robot_3", "../"} <= {a["href"] for tag, a in page.tags if tag == "a"}
+    assert {"../robots/robot_3", "../"} <= {*page.links}
 
     silent = read(ask(server, "/runbooks/RosDiagnosticsRobotSilent?robot=robot_3").text).text
     assert "ROS_DOMAIN_ID=7 ros2 topic hz /robot_3/diagnostics_agg" in silent
@@ -191,7 +191,7 @@ def test_the_links_of_all_runbooks_lead_to_runbooks(serve):
     server = serve()
     for page in (ROOT / "docs" / "alerts").glob("*.md"):
         path = f"/runbooks/{page.stem}"
-        links = [a["href"] for tag, a in read(ask(server, path).text).tags if tag == "a"]
+        links = read(ask(server, path).text).links
         assert {ask(server, urljoin(path, link)).status for link in links} == {200}
 
 
@@ -263,7 +263,7 @@ def test_a_fault_has_a_page_and_links_what_was_received(serve):
         answer = ask(server, path)
         assert answer.status == 200
         assert "Motor 1</a>" in answer.text
-        links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
+        links = read(answer.text).links
         assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", RECORDING}
         there = {urldefrag(urljoin(path, link)).url for link in links}
         found = {ask(server, link).status for link in there}
@@ -325,7 +325,7 @@ def test_the_page_of_a_fault_that_has_ended_has_all_that_is_known_of_it(serve):
         "Notified00:17:13 UTC: recovery sent to email",
     ):
         assert text in shown.text
-    links = {urljoin(f"/faults/{FAULT}", attrs["href"]) for tag, attrs in shown.tags if tag == "a"}
+    links = {urljoin(f"/faults/{FAULT}", link) for link in shown.links}
     assert links == {"/", "/robots/a", f"/api/v1/faults/{FAULT}"}
     assert {ask(server, link).status for link in links} == {200}
 
@@ -810,8 +810,7 @@ def test_a_page_links_the_dashboard_of_what_it_shows_at_that_time(serve, path, d
     }
 
     def linked(**given: str) -> list[str]:
-        page = read(ask(serve(**given, **known), path).text)
-        links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
+        links = read(ask(serve(**given, **known), path).text).links
         return [each for each in links if each.startswith("https://g")]
 
     assert linked(grafana="https://g/sub/") == [f"https://g/sub/d/{dashboard}"]

@@ -1,6 +1,5 @@
 """``/metrics?collect[]=`` and ``exclude[]=``: which parts the backend is asked for."""
 
-import json
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -62,7 +61,7 @@ def test_an_unknown_part_or_both_parameters_are_rejected(asked, query, error):
     answer = ask(server, f"/metrics?{query}")
     assert (answer.status, found) == (400, [])
     assert "set-cookie" not in answer.headers
-    assert json.loads(answer.body)["error"].startswith(f"{error} one of ")
+    assert answer.json["error"].startswith(f"{error} one of ")
 
 
 def test_concurrent_scrapes_of_different_parts_do_not_share_a_rendering(serve):

@@ -79,16 +79,14 @@ def test_a_request_that_arrives_byte_by_byte_times_out(serve, short, before):
 @pytest.mark.parametrize("sent", [b"", b"GET / HT"])
 def test_a_connection_without_a_complete_request_times_out(serve, short, sent):
     short(Phase.REQUEST)
-    server = serve()
-    with connect(server) as sock:
+    with connect(serve()) as sock:
         sock.sendall(sent)
         assert ended(sock)
 
 
 def test_a_kept_alive_connection_is_reused_and_closed_when_idle(serve, short):
     short(Phase.IDLE)
-    server = serve()
-    with connect(server) as sock:
+    with connect(serve()) as sock:
         for _ in range(3):
             sock.sendall(GET)
             read_until(sock, b"text\n")
@@ -178,8 +176,7 @@ def test_too_many_headers_are_rejected_and_the_connection_closed(serve, short):
 @pytest.mark.parametrize("path", [b"/-/reload", b"/metrics", b"/nothing"])
 def test_an_endless_body_is_not_read(serve, short, path):
     short(Phase.REQUEST)
-    server = serve()
-    with connect(server) as sock:
+    with connect(serve()) as sock:
         sock.sendall(
             b"POST " + path + b" HTTP/1.1\r\nHost: x\r\nContent-Length: 99999999999\r\n\r\n"
         )
@@ -202,8 +199,7 @@ def test_garbage_is_rejected(serve, short):
 
 
 def test_pipelined_requests_are_answered_in_order(serve, short):
-    server = serve()
-    with connect(server) as sock:
+    with connect(serve()) as sock:
         sock.sendall(GET * 99 + GET.replace(b"Host", b"Connection: close\r\nHost"))
         received = b""
         while piece := sock.recv(100_000):
@@ -266,8 +262,7 @@ def test_a_flood_of_slow_requests_does_not_delay_a_scrape(serve, short):
 
 def test_an_incomplete_tls_handshake_times_out(serve, short, tls_config):
     short(Phase.REQUEST)
-    server = serve(web_config=tls_config)
-    with connect(server) as sock:
+    with connect(serve(web_config=tls_config)) as sock:
         sock.sendall(b"\x16\x03\x01")
         assert ended(sock)
 

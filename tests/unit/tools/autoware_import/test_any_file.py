@@ -6,9 +6,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.autoware.convert import convert
 from ros_diagnostics_tools.autoware.graph import GraphError, read
+from support.configs import load_text
 
 TYPES = ("and", "or", "diag", "link", "ok", "warn", "warn-to-ok", "warn-to-error", "x", 7, None)
 TEXTS = st.sampled_from(["", "Ä ö", "^(", "x" * 60])
@@ -58,5 +58,4 @@ def test_every_unit_has_a_row_and_the_fleet_is_valid(tmp_path_factory, found, ed
     assert len(made.rows) == len(graph.units) + len(edits)
     assert len(graph.units) >= len(found)
     assert all(each.text for each in made.rows)
-    (folder / "fleet.yml").write_text(made.text, encoding="utf-8")
-    load(folder / "fleet.yml")
+    load_text(folder, made.text)

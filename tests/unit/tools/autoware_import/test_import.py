@@ -10,6 +10,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.autoware.convert import convert
 from ros_diagnostics_tools.autoware.graph import GraphError, read
 from ros_diagnostics_tools.autoware.names import names_of
+from support.configs import load_text
 
 IMPORT = ("import", "autoware")
 CART = {
@@ -92,8 +93,7 @@ def graph(folder: Path, text: str):
 def outcomes(folder: Path, text: str) -> dict[str, str]:
     """What became of each unit, by what is behind its line number."""
     made = convert(graph(folder, text), "f", "p")
-    (folder / "fleet.yml").write_text(made.text)
-    load(folder / "fleet.yml")
+    load_text(folder, made.text)
     return {each.where.split(": ", 1)[1]: each.text for each in made.rows}
 
 

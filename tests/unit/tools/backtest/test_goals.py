@@ -5,11 +5,11 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.topic_entries import asked_names
 from support.bags import judged, texts, write_messages
+from support.configs import load_text
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
@@ -47,8 +47,7 @@ def test_a_goal_that_was_aborted_is_a_fault_until_one_succeeds(tmp_path, storage
     topic = f"/robot_3/dock_robot{STATUS}"
     rows += [(at + 0.5, topic, GOALS_TYPE, list_of(number, how)) for at, number, how in told]
     bag = write_messages(tmp_path / "bag", sorted(rows, key=lambda row: row[0]), storage, STORE)
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    fleet = load(tmp_path / "fleet.yml")
+    fleet = load_text(tmp_path, FLEET)
 
     result = judged(fleet, bag, asked=asked_names(fleet.profiles.values()))
 

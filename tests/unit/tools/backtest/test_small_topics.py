@@ -8,9 +8,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.sources.topic_entries import asked_names
 from support.bags import judged, texts, write_messages
+from support.configs import load_text
 
 SAFETY, BOOL = "ur_dashboard_msgs/msg/SafetyMode", "std_msgs/msg/Bool"
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -42,8 +42,7 @@ def test_a_bag_without_diagnostics_gives_the_faults_of_its_topics(tmp_path, stor
     rows += [(at, "/arm/e_stop", BOOL, 100 <= at < 130) for at in range(200)]
     rows += [(at, "/arm/cmd", BOOL, True) for at in range(200)]
     bag = write(tmp_path / "bag", sorted(rows, key=lambda row: row[0]), storage)
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    fleet = load(tmp_path / "fleet.yml")
+    fleet = load_text(tmp_path, FLEET)
 
     result = judged(fleet, bag, asked=asked_names(fleet.profiles.values()))
 
@@ -59,8 +58,7 @@ def test_a_bag_of_an_earlier_ros_needs_the_definition_beside_fleet_yml(tmp_path)
     bag = write(tmp_path / "bag", rows, StoragePlugin.SQLITE3)
     with closing(sqlite3.connect(next(bag.glob("*.db3")), isolation_level=None)) as database:
         database.execute("DROP TABLE message_definitions")
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    fleet = load(tmp_path / "fleet.yml")
+    fleet = load_text(tmp_path, FLEET)
     asked = asked_names(fleet.profiles.values())
     result = judged(fleet, bag, asked=asked)
     assert {each.began.component for each in result.notifications} == {"watch"}

@@ -9,12 +9,12 @@ from textwrap import indent
 import pytest
 import yaml
 
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, play
 from ros_diagnostics_tools.main import main
 from support.bags import BEGIN
+from support.configs import load_text
 
 FLEET = """
 fleet: hall
@@ -48,9 +48,8 @@ def levels(path):
 
 def judged(tmp_path, path):
     """When faults were notified and ended, how many messages could not be decoded, and why."""
-    (tmp_path / "fleet.yml").write_text(FLEET)
     with opened(path) as recordings:
-        replay = Replay(load(tmp_path / "fleet.yml"), recordings)
+        replay = Replay(load_text(tmp_path, FLEET), recordings)
         for _message in play(recordings, [replay]):
             pass
         result = replay.result()
