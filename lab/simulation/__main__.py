@@ -8,8 +8,9 @@ import signal
 import sys
 import time
 import traceback
+from typing import Any
 
-from simulation import features, planted, twins
+from simulation import features, network, planted, twins
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
@@ -44,22 +45,26 @@ def main() -> int:
 
 
 def _play_features(seeds: range) -> int:
-    """Play short histories of a small fleet that uses every feature, and of two nodes of one name.
+    """Play short histories of a small fleet that uses every feature.
 
-    Returns 1 where one fails.
+    And of two nodes of one name, and of robots behind a bad network. Returns 1 where one fails.
     """
     logging.disable()  # robots that are odd are logged, thousands of times
-    begin, seed = time.perf_counter(), seeds.start
+    begin, seed, steps = time.perf_counter(), seeds.start, list[tuple[Any, ...]]()
     signal.signal(signal.SIGALRM, _does_not_end)
     try:
         for seed in seeds:
             signal.alarm(LONGEST)
-            features.play(features.random_history(seed))
+            steps = [*features.random_history(seed)]
+            features.play(steps)
+            steps = [*network.random_steps(seed)]
+            network.play(seed)
+            steps = []
             twins.play(seed)
     except Exception as error:  # noqa: BLE001 - of whatever kind: the seed is what is needed
         *_, last = traceback.extract_tb(error.__traceback__)
         print(f"seed {seed} fails: {error!r}\nin {last.name}: {last.line}", flush=True)
-        print([*features.random_history(seed)], flush=True)
+        print(steps, flush=True)
         return 1
     signal.alarm(0)
     seconds = time.perf_counter() - begin

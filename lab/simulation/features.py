@@ -2,22 +2,28 @@
 
 The features meet at random: capabilities, dependencies, planned STALE, uplinks, sites, common
 causes, many components, downtimes of robots and of components, hours of warnings, silence, boots,
-flapping, restarts at any moment and other settings. What was delivered is noted in `Truth`, which
-the checks know instead of the engine's state.
+flapping, values with thresholds, the exporter's own parts, a wall clock that is set, restarts at
+any moment and other settings. What was delivered is noted in `Truth` and `Charge`, which the checks
+know instead of the engine's state. Messages and clocks of robots are in `network`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf, isnan, nan
 from random import Random
 from typing import Any
 
+from ros_diagnostics_exporter.config.faults import Falling
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.events import Event as Observed
 from ros_diagnostics_exporter.faults.model import (
+    Change,
     ComponentName,
     ComponentReport,
     ComponentSettings,
+    Fault,
     Identity,
     PartName,
     ProblemView,
@@ -25,10 +31,15 @@ from ros_diagnostics_exporter.faults.model import (
     RobotSettings,
     Scope,
     State,
+    ValueReport,
+    as_texts,
 )
 from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
 from ros_diagnostics_exporter.model import Level
+from simulation.own import OwnParts
+from simulation.story import OWN_PARTS
 from support.fault_histories import (
+    BATTERY,
     ERROR,
     OK,
     STALE,
@@ -37,7 +48,6 @@ from support.fault_histories import (
     Event,
     Player,
     back,
-    restart,
     silent,
 )
 
@@ -62,7 +72,17 @@ COMPONENTS = {
 VIEW = WantedCapability(
     "view", AtLeast(1, (PartName(component="lidar upper"), PartName(component="lidar lower")))
 )
-DRIVING = WantedCapability("driving", AtLeast(None, (PartName(component="motor"),)))
+CHARGE = ("battery", "charge")
+CHARGED = PartName(component=CHARGE[0], key=CHARGE[1])
+DRIVING = WantedCapability("driving", AtLeast(None, (PartName(component="motor"), CHARGED)))
+LOW = {each.severity: each.value for each in BATTERY}
+NUMBERS = (50.0, 20.2, 15.0, 10.1, 9.0, nan, None)  # of which None is no number, or no key
+BACK = 1.02  # times the threshold: from there on a value that was below it is no longer
+BATTERIES = ComponentSettings(CONFIRM, depends_on=frozenset({("", "board")}))
+FLAP_INTERVAL = 15.0  # seconds without a change that count as one state of 21
+FLAP_TIME = 20 * FLAP_INTERVAL  # seconds after which a change no longer counts
+FEWEST, ENOUGH = 7, 12  # changes of 20 that may be flapping, and that are
+RECENT = 60.0  # seconds in which so many are flapping, whatever was before
 MINUTES = tuple((0, 827 + 4 * each, 829 + 4 * each) for each in range(20))
 FLEETS = (
     FaultSettings(
@@ -72,6 +92,7 @@ FLEETS = (
         site=CauseSettings(3, 0.7),
         common=CauseSettings(2, 0.5),
         many=CauseSettings(3, 0.3),
+        falling=Falling(60.0, 120.0),
         warning_hours=WarningHours(MINUTES, "UTC"),
     ),
 )
@@ -98,6 +119,38 @@ class Truth:
     wrong: float = 0.0  # since then it was never OK; silence and restarts say nothing of it
     fresh: bool = False
     boots: float = 0.0  # until then it begins no fault: its robot boots, and it was never OK since
+    told: Level = OK  # out of downtimes
+    changes: list[float] = field(default_factory=list)  # when `told` changed, at most
+    sure: list[float] = field(default_factory=list)  # ... for certain
+
+
+@dataclass
+class Charge:
+    """What was last received of a robot's charge."""
+
+    number: float | None = 50.0
+    since: float = 0.0  # of this number, the robot received, and no downtime began or ended
+    # severity -> since when it was below its threshold, and never beyond its hysteresis
+    below: dict[str, float] = field(default_factory=dict)
+    boots: float = 0.0
+    highest: float = 50.0  # number since the last restart of the trend
+
+    @property
+    def known(self) -> bool:
+        """Whether it is a number."""
+        return self.number is not None and not isnan(self.number)
+
+    def take(self, number: float | None, at: float) -> None:
+        """Note what is received."""
+        self.number, self.since = number, at
+        if number is None or isnan(number):
+            return
+        self.highest = max(self.highest, number)
+        for severity, low in LOW.items():
+            if number >= low * (BACK if severity in self.below else 1.0):
+                self.below.pop(severity, None)
+            else:
+                self.below.setdefault(severity, at)
 
 
 @dataclass
@@ -115,12 +168,22 @@ class World:
     grace: float = 0.0
     booted: dict[str, float] = field(default_factory=dict)  # until when a robot boots
     received: set[tuple[str, str]] = field(default_factory=set)  # since its robot came back
+    charges: dict[str, Charge] = field(default_factory=lambda: {each: Charge() for each in ROBOTS})
+    silent_since: dict[str, float] = field(default_factory=dict)
+    own: OwnParts = field(default_factory=OwnParts)
+    clock_set_at: float = -inf  # when the wall clock was last set
 
     def engine(self, *happened: Event) -> None:
         """Let time pass, then these; nothing begins or ends that may not."""
-        for what, fault, _at in self.player.go(self.second, *happened):
-            if what == "began":
-                self._began(fault.identity, fault.confirmed - WALL)
+        self._changed(self.player.go(self.second, *happened))
+
+    def _changed(self, changes: Iterable[Change]) -> None:
+        for what, fault, _at in changes:
+            at = fault.confirmed - WALL - self.player.clock_set
+            if fault.identity.scope is Scope.EXPORTER:
+                self._own_changed(what, fault, at)
+            elif what == "began":
+                self._began(fault.identity, at)
             else:
                 self._ended(fault.identity, recovered=what == "recovered")
 
@@ -139,6 +202,39 @@ class World:
             assert is_due, f"began before it was due: {identity}"
         if identity.scope is Scope.ROBOT and identity.state is State.SILENT:
             assert identity.robot not in self.up, f"began of a robot that is up: {identity}"
+        if identity.scope is Scope.VALUE:
+            self._value_began(identity, at)
+        if identity.scope is Scope.FLAPPING:
+            known = self.truth[identity.robot, identity.component]
+            fewest, within = FEWEST, FLAP_TIME
+            if identity.state is State.INTERMITTENT:
+                intermittent = self.player.settings.intermittent
+                fewest, within = intermittent.changes, intermittent.within
+            lately = [each for each in known.changes if each > at - within - FLAP_INTERVAL]
+            assert len(lately) >= fewest, f"began with {len(lately)} changes: {identity}"
+
+    def _value_began(self, identity: Identity, at: float) -> None:
+        charge = self.charges[identity.robot]
+        assert identity.robot in self.up, f"began while its robot is silent: {identity}"
+        assert charge.known, f"began of what is no number: {identity}"
+        if identity.state is State.FALLING:
+            assert charge.number != charge.highest, f"began of what did not fall: {identity}"
+            assert "critical" not in charge.below, f"began of what is too low: {identity}"
+            return
+        since = charge.below.get(identity.state.value, inf)
+        assert at >= since + CONFIRM - 0.01, f"began before it was due: {identity}"
+
+    def _own_changed(self, what: str, fault: Fault, at: float) -> None:
+        """A fault of a part of the exporter, of which it knows itself how it is."""
+        kind = "fault_began" if what == "began" else "fault_ended"
+        texts: dict[str, Any] = as_texts(fault.identity, {})
+        event = Observed(at, kind, **texts, reason=what)
+        assert (fault.identity in self.lasting) is (what != "began"), f"{what} twice: {event}"
+        (self.lasting.add if what == "began" else self.lasting.remove)(fault.identity)
+        # One that was restored counts by a wall clock that was set meanwhile.
+        found = self.own.ended(event) if what != "began" else self.own.began(event, at)
+        wrong = [] if what == "began" and self.clock_set_at > -inf else [*found]
+        assert not wrong, wrong
 
     def _ended(self, identity: Identity, *, recovered: bool) -> None:
         """A fault that lasted; nothing that is broken, silent or in a downtime recovers."""
@@ -155,6 +251,26 @@ class World:
             assert known.level not in broken, f"recovered with {known.level}: {identity}"
         if identity.scope is Scope.ROBOT and identity.state is State.SILENT:
             assert identity.robot in self.up, f"recovered of a silent robot: {identity}"
+        if identity.scope is Scope.VALUE:
+            charge = self.charges[identity.robot]
+            assert identity.robot in self.up, f"recovered while its robot is silent: {identity}"
+            assert charge.known, f"recovered with what is no number: {identity}"
+            severity = "critical" if identity.state is State.FALLING else identity.state.value
+            assert severity not in charge.below, f"recovered below its threshold: {identity}"
+        if identity.scope is Scope.FLAPPING:
+            self._came_to_rest(identity)
+
+    def _came_to_rest(self, identity: Identity) -> None:
+        known = self.truth[identity.robot, identity.component]
+        if identity.state is State.INTERMITTENT:
+            assert known.fresh, f"recovered while its robot is silent: {identity}"
+            assert known.level is OK, f"recovered with {known.level}: {identity}"
+            return
+        lately = self._recent(known, self.silent_since.get(identity.robot, self.second))
+        assert lately < FEWEST, f"recovered with {lately} changes in {RECENT} s: {identity}"
+
+    def _recent(self, known: Truth, at: float) -> int:
+        return sum(each > at - RECENT for each in known.sure)
 
     def _is_planned(self, identity: Identity) -> bool:
         """Whether what a fault is about is in a downtime."""
@@ -163,6 +279,8 @@ class World:
 
     def _boots(self, identity: Identity, at: float) -> bool:
         """Whether what a fault is about has time, because its robot boots."""
+        if identity.scope is Scope.VALUE:
+            return self.charges[identity.robot].boots > at + 0.01
         if identity.scope is Scope.COMPONENT:
             parts = [self.truth[identity.robot, identity.component]]
         elif identity.state is State.MANY:
@@ -188,6 +306,7 @@ class World:
                 known.boots = 0.0
             elif is_first and robot in self.booted:
                 known.boots = self.booted[robot]
+            self._note_change(robot, name, level)
             known.level, known.fresh = level, True
         reports = [
             ComponentReport(
@@ -199,6 +318,48 @@ class World:
         self.received.update((robot, name) for name in reported if reported[name] is not STALE)
         total = len(COMPONENTS)
         self.engine(lambda faults, now: faults.components_changed(robot, reports, total, now))
+
+    def _note_change(self, robot: str, name: str, level: Level) -> None:
+        """Note a change of a component's level, which does not count in a downtime."""
+        known = self.truth[robot, name]
+        if (
+            robot in self.planned
+            or name in self.planned_parts.get(robot, ())
+            or level == known.told
+        ):
+            return
+        known.changes.append(self.second)
+        if STALE not in (level, known.told):
+            known.sure.append(self.second)
+        known.told = level
+
+    def charge(self, robot: str, number: float | None) -> None:
+        """The charge of a robot's battery, if it is received."""
+        if robot not in self.up:
+            return
+        self.engine()  # what was due before it
+        self._report_charge(robot, number)
+
+    def _report_charge(self, robot: str, number: float | None, *, is_first: bool = False) -> None:
+        charge = self.charges[robot]
+        charge.take(number, self.second)
+        if charge.known and is_first and robot in self.booted:
+            charge.boots = self.booted[robot]
+        if not charge.below:
+            charge.boots = 0.0
+        report = ValueReport(CHARGE[1], number, BATTERY, is_first=is_first)
+        name = ComponentName("", CHARGE[0])
+        self.engine(
+            lambda faults, now: faults.values_changed(robot, name, BATTERIES, [report], now)
+        )
+
+    def flaps(self, robot: str, name: str, times: int, period: int, to: Level) -> None:
+        """A component changes so many times, each so many seconds after the other."""
+        for number in range(times):
+            self.array(robot, {name: OK if number % 2 else to})
+            self.second += period
+            self.engine()
+            self.check()
 
     def flash(self, robot: str, name: str, seconds: int, then: Level) -> None:
         """A component is ERROR for some seconds."""
@@ -218,6 +379,8 @@ class World:
     def silent(self, chosen: Iterable[str]) -> None:
         """Robots fall silent."""
         for robot in sorted(chosen):
+            if robot in self.up:
+                self.silent_since[robot] = self.second
             self.up.discard(robot)
             for (owner, _name), known in self.truth.items():
                 known.fresh = known.fresh and owner != robot
@@ -232,9 +395,15 @@ class World:
         self.booted.pop(robot, None)
         if boots and robot in BOOT_GRACE:
             self.booted[robot] = self.second + BOOT_GRACE[robot]
+        silence = self.second - self.silent_since.pop(robot, self.second)
+        for (owner, _name), part in self.truth.items():
+            if owner == robot:  # in which nothing comes to rest
+                part.changes = [each + silence for each in part.changes]
+                part.sure = [each + silence for each in part.sure]
         self.engine(back(robot))
         known = {name: self.truth.get((robot, name), Truth()).level for name in COMPONENTS}
         self.array(robot, known)
+        self._report_charge(robot, self.charges[robot].number, is_first=boots)
 
     def uplink(self, level: Level) -> None:
         """What a query measures of the uplink of all robots."""
@@ -262,6 +431,7 @@ class World:
         )
 
     def _begin_anew(self, robot: str, chosen: Iterable[str]) -> None:
+        self.charges[robot].since = self.second
         for name in chosen:
             known = self.truth.setdefault((robot, name), Truth())
             known.since = self.second
@@ -269,7 +439,9 @@ class World:
     def restart(self) -> None:
         """The exporter is started again, and receives all robots at once."""
         up = sorted(self.up)
-        self.engine(restart())
+        # Before time passes, as of what was restored nothing is known yet.
+        self._changed(self.player.faults.started(self.player.at(self.second), 0.0))
+        self._report_own()
         self.up.clear()
         for known in self.truth.values():
             known.fresh = False
@@ -280,7 +452,41 @@ class World:
     def reborn(self) -> None:
         """Another process goes on from the rows, with the same fleet.yml."""
         self.player.reborn(self.second)
+        self._forget_times()
+        if self.own.is_in_trouble:
+            self.restart()
         self.configure()
+
+    def _forget_times(self) -> None:
+        """What was written before the wall clock was set may count as earlier, or from now on."""
+        if self.clock_set_at == -inf:
+            return
+        for known in self.truth.values():
+            known.since, known.boots, known.sure = self.second, 0.0, []
+            if known.wrong <= self.clock_set_at:
+                known.wrong = -inf
+            known.changes = [self.second for _ in known.changes]
+        for charge in self.charges.values():
+            charge.since, charge.boots = self.second, 0.0
+            for severity, since in charge.below.items():
+                if since <= self.clock_set_at:
+                    charge.below[severity] = -inf
+
+    def clock(self, seconds: float) -> None:
+        """The exporter's wall clock is set."""
+        self.engine()  # what was due before it
+        self.player.clock_set += seconds
+        self.clock_set_at = self.second
+
+    def own_part(self, part: str, level: Level | None) -> None:
+        """A part of the exporter is so from now on; None: there is none any more."""
+        self.engine()  # what was due before it
+        self.own.set(part, level)
+        self._report_own()
+
+    def _report_own(self) -> None:
+        reports = self.own.reports(self.second)
+        self.engine(lambda faults, now: faults.own(reports, now))
 
     def configure(self) -> None:
         """The robots and what they can do, by fleet.yml."""
@@ -294,24 +500,23 @@ class World:
     def repair(self) -> None:
         """All is OK, received, and in no downtime."""
         self.uplink(OK)
+        for part in OWN_PARTS:
+            self.own_part(part, OK)
         for robot in ROBOTS:
             self.downtime(robot, planned=False)
             self.downtime_of(robot, ())
             self.back(robot)
             self.all_of(robot, OK)
+            self.charge(robot, 80.0)
 
     # -- what holds --------------------------------------------------------------------------
 
     def check(self) -> None:
-        """What is freshly ERROR, due and no fault has a lasting fault that explains it."""
+        """What is freshly bad, due and no fault has a lasting fault that explains it."""
         faults = self.player.faults
         lasting = {fault.identity for fault in faults.faults()}
         views = {view.identity: view for view in faults.problems(self.player.at(self.second))}
-        for (robot, name), known in self.truth.items():
-            late = self.second > known.since + CONFIRM + PATIENCE
-            if not (known.fresh and known.level == ERROR and late):
-                continue
-            identity = Identity(Scope.COMPONENT, State.CRITICAL, "", robot, "", name)
+        for identity in self._bad():
             if identity in lasting:
                 continue
             assert identity in views, identity
@@ -322,6 +527,23 @@ class World:
             if view.suppressed in BY_A_PERSON or view.due > now.wall or waits:
                 continue
             assert self._is_reported(view.by, views, lasting), view
+
+    def _bad(self) -> Iterator[Identity]:
+        """What is certainly wrong, and was for so long that it is a fault or explained."""
+        latest = self.second - CONFIRM - PATIENCE
+        for (robot, name), known in self.truth.items():
+            if known.fresh and known.level == ERROR and known.since < latest:
+                yield Identity(Scope.COMPONENT, State.CRITICAL, "", robot, "", name)
+            if known.fresh and self._recent(known, self.second) >= ENOUGH:
+                yield Identity(Scope.FLAPPING, State.FLAPPING, "", robot, "", name)
+        for robot, charge in self.charges.items():
+            for severity in charge.below if robot in self.up and charge.known else ():
+                if charge.since < latest:
+                    yield Identity(
+                        *(Scope.VALUE, State(severity), "", robot, "", CHARGE[0]),
+                        key=CHARGE[1],
+                        bound="low",
+                    )
 
     def _is_reported(
         self, by: Identity | None, views: Mapping[Identity, ProblemView], lasting: set[Identity]
@@ -386,12 +608,34 @@ def play(history: Iterable[Step]) -> World:
     return world
 
 
-def random_history(seed: int) -> Iterator[Step]:
-    """Up to thirty steps: the same for the same seed."""
-    random = Random(seed)
+def random_history(seed: int, *, extra: bool = True) -> Iterator[Step]:
+    """Up to sixty steps: the same for the same arguments.
+
+    Without ``extra``: those of the features of the first round, which are the same in both.
+    """
+    random, more = Random(seed), Random(f"extra {seed}")
     for _ in range(random.randrange(4, 30)):
-        seconds = random.choice((0, 1, 5, 12, 30, 60, 90))
-        yield seconds, _random_event(random), random.random() < 0.3
+        yield _random_seconds(random), _random_event(random), random.random() < 0.3
+        while extra and more.random() < 0.4:
+            yield _random_seconds(more), _extra_event(more), more.random() < 0.2
+
+
+def _random_seconds(random: Random) -> int:
+    return random.choice((0, 1, 5, 12, 30, 60, 90))
+
+
+def _extra_event(random: Random) -> tuple[Any, ...]:
+    robot, name = random.choice(ROBOTS), random.choice(list(COMPONENTS))
+    times, period = random.randrange(2, 20), random.choice((1, 1, 3, 8, 16))
+    charge = ("charge", robot, random.choice(NUMBERS))
+    return random.choice(
+        (
+            *(charge, charge, charge),
+            ("flaps", robot, name, times, period, random.choice((WARN, ERROR))),
+            ("clock", random.choice((-3600.0, -30.0, 30.0, 3600.0, 5 * 86_400.0))),
+            ("own_part", random.choice(list(OWN_PARTS)), random.choice((OK, WARN, ERROR, STALE))),
+        )
+    )
 
 
 def _random_event(random: Random) -> tuple[Any, ...]:

@@ -56,6 +56,11 @@ class OwnParts:
         """Whether there is no such part any more."""
         return self._reported[part].level is None
 
+    @property
+    def is_in_trouble(self) -> bool:
+        """Whether any part is not OK."""
+        return any(level != OK for level in self._levels.values())
+
     # -- what has to hold --------------------------------------------------------------------
 
     def began(self, event: Observed, at: float) -> Found:

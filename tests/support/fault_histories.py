@@ -168,10 +168,11 @@ class Player:
         self.shown: dict[str, dict[ComponentName, Followed]] = {}  # what a scrape has, by robot
         self._boots = cycle(BOOTS)
         self._boot = next(self._boots)
+        self.clock_set = 0.0  # seconds by which the wall clock was set
 
     def at(self, second: float) -> Instant:
         """What the clocks of the engine's machine show."""
-        return Instant(self._boot + second, WALL + second)
+        return Instant(self._boot + second, WALL + self.clock_set + second)
 
     def write(self, second: float) -> None:
         """Write the changed rows, as JSON, as the database does."""

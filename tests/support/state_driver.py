@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ LASER = Status(OK, "Laser 1", "OK")
 OPENED: set[Storage] = set()  # with a database that may be open; conftest.py closes them
 
 
-def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
+def tree(**groups: Iterable[Status]) -> tuple[Status, ...]:
     """An aggregator's array: for each group its header, then its components."""
     rows: list[Status] = []
     for group, statuses in groups.items():

@@ -5,7 +5,17 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.faults.model import EFFECTS, EffectiveVerdict
-from simulation.features import COMPONENTS, FLEETS, LEVELS, ROBOTS, play, random_history
+from simulation import network
+from simulation.features import (
+    COMPONENTS,
+    FLEETS,
+    LEVELS,
+    NUMBERS,
+    ROBOTS,
+    play,
+    random_history,
+)
+from simulation.story import OWN_PARTS
 from support.fault_histories import ERROR, OK, STALE, WARN
 
 robots = st.sampled_from(ROBOTS)
@@ -24,6 +34,13 @@ events = st.one_of(
     st.tuples(st.just("downtime_of"), robots, st.sets(names, max_size=2)),
     st.tuples(st.just("restart")),
     st.tuples(st.just("fleet"), st.sampled_from(FLEETS)),
+    st.tuples(st.just("charge"), robots, st.sampled_from(NUMBERS)),
+    st.tuples(
+        *(st.just("flaps"), robots, names, st.integers(2, 20), st.integers(1, 16)),
+        st.sampled_from((WARN, ERROR)),
+    ),
+    st.tuples(st.just("clock"), st.sampled_from((-3600.0, -30.0, 30.0, 3600.0, 432_000.0))),
+    st.tuples(st.just("own_part"), st.sampled_from(list(OWN_PARTS)), levels),
 )
 histories = st.lists(st.tuples(st.integers(0, 90), events, st.booleans()), max_size=25)
 
@@ -66,9 +83,19 @@ def test_whatever_is_freshly_error_is_a_fault_or_a_lasting_fault_explains_it(his
 FAILED = (312, 767, 1869, 5718, 15997, 30580)
 
 
-@pytest.mark.parametrize("seed", [*FAILED, *range(50)])
+@pytest.mark.parametrize("seed", FAILED)
+def test_a_seed_that_failed_breaks_nothing(seed):
+    play(random_history(seed, extra=False))
+
+
+@pytest.mark.parametrize("seed", range(50))
 def test_a_seed_breaks_nothing(seed):
     play(random_history(seed))
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_a_bad_network_and_wrong_clocks_break_nothing(seed):
+    network.play(seed)
 
 
 @pytest.mark.parametrize("standing", EffectiveVerdict)

@@ -1,0 +1,433 @@
+"""Robots behind a bad network, clocks that are set, a process that pauses; what holds whatever.
+
+Messages are lost, delayed, doubled and reordered; a robot is switched off, its components are mute;
+the clocks of robots and of the exporter are set, and its process stands still or is started again.
+What arrived at the exporter's machine, and what its process took of it, is noted here.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import count
+from math import inf
+from random import Random
+from statistics import median
+from typing import Any
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source, ValueRule
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.clocks import LIMIT
+from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.loops import Clocks
+from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
+from ros_diagnostics_exporter.regex import Pattern
+from simulation.features import CONFIRM, FEWEST, Charge
+from support.fault_histories import BATTERY
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
+
+ROBOTS = ("r1", "r2", "r3", "r4")  # the even ones with an aggregator
+COMPONENTS = ("battery", "motor", "imu")
+STALE_AFTER = 10.0
+LATE = 2.5  # seconds by which turns may be late
+RIGHT = 4.0  # seconds by which a clock that was wrong may differ and is no longer
+CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong
+KEPT = 10  # messages of a robot that wait for a process that pauses
+TEXTS = {"50": 50.0, "20.2": 20.2, "15,5": 15.5, "9.5": 9.5, "nan": None, "n/a": None, "": None}
+# What no longer reports is still an ERROR or a WARNING.
+STATES = {"critical": (ERROR, STALE), "stale": (STALE,), "warning": (WARN, STALE)}
+WORSE = {"critical": (ERROR,), "stale": (ERROR, STALE), "warning": (ERROR, WARN, STALE)}
+QUIET = 150  # seconds after which whatever is wrong is a fault
+REPAIRED = 1500  # ... and after which nothing is, since all was repaired
+_REPAIRED = ("levels", "mute", "text", "clock", "off", "lost", "delay", "double")
+
+
+@dataclass
+class Part:
+    """What the process took of a component last; times are those in which it ran."""
+
+    level: int = OK
+    ok_at: float = 0.0  # when it was last OK
+    at: float = 0.0  # when anything was taken
+    changes: int = 0  # at most: each gap may be STALE and back
+
+
+@dataclass
+class Sender:
+    """A robot as it is, what its network does, and what came of it.
+
+    ``lost`` and ``double`` are shares of its messages, ``delay`` the most seconds of each.
+    """
+
+    name: str
+    levels: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COMPONENTS, OK))
+    mute: set[str] = field(default_factory=set)
+    text: str = "50"  # of the charge; "" where the key is missing
+    clock: float = 0.0
+    off: bool = False
+    lost: float = 0.0
+    delay: float = 0.0
+    double: float = 0.0
+    arrived: float = 0.0  # when the last message did, by a clock that nobody sets
+    gaps: int = 0  # between two arrivals, each as long as a silence
+    parts: dict[str, Part] = field(default_factory=lambda: {each: Part() for each in COMPONENTS})
+    charge: Charge = field(default_factory=Charge)
+    taken: float = 0.0  # when the process took the last message
+    offset: float = 0.0  # of that message
+    right_at: float = 0.0  # when its clock was last right, by that
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether its drivers are received, and no aggregator."""
+        return int(self.name[1:]) % 2 == 1
+
+    def arrays(self) -> Iterator[tuple[Status, ...]]:
+        """What it publishes in a second."""
+        pairs = {"battery": (("charge", self.text),) if self.text else ()}
+        rows = [
+            Status(level, name, "m", "", pairs.get(name, ()))
+            for name, level in self.levels.items()
+            if name not in self.mute
+        ]
+        if self.is_raw:
+            yield from ((each,) for each in rows)
+        else:
+            yield tree(g=rows)
+
+
+class Site:
+    """The robots, the network, and the process; times are seconds since the begin.
+
+    ``time`` is that of a clock that nobody sets, ``ran`` for how long the process ran: of a pause
+    as much counts as `Clocks` says.
+    """
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+        self.time = self.ran = 0.0
+        self.robots = {name: Sender(name) for name in ROBOTS}
+        self._wall = 0.0  # seconds by which the exporter's clock was set
+        self._is_exact = True  # until rows are restored by a clock that was set
+        self._under_way: list[tuple[float, int, str, float, tuple[Status, ...]]] = []
+        self._numbers = count()
+        self._waiting: dict[str, list[tuple[float, tuple[Status, ...]]]] = {}
+        self._stands_until = self._last_turn = 0.0
+        self._right_at = 0.0  # when the exporter's own clock was last right, by most robots'
+        self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
+        self._start()
+
+    def _start(self) -> None:
+        self._clocks = Clocks(lambda: self.time)
+        self._clocks.keep_watch()
+        self._state = FleetState(_fleet(), self._now())
+        self._waiting, self._last_turn = {}, self.time
+
+    def _now(self) -> Instant:
+        return Instant(self._clocks.read().mono, WALL + self.time + self._wall)
+
+    # -- what happens ------------------------------------------------------------------------
+
+    def go(self, seconds: float, step: float = 1.0) -> None:
+        """Let time pass."""
+        end = self.time + seconds
+        while self.time < end:
+            self.time += step
+            for robot in self.robots.values():
+                self._publish(robot)
+            self._arrive()
+            if self.time >= self._stands_until:
+                self._turn()
+
+    def change(self, robot: str, how: dict[str, Any]) -> None:
+        """Something about a robot, or about its network, is another from now on."""
+        for name, value in how.items():
+            setattr(self.robots[robot], name, value)
+
+    def level(self, robot: str, component: str, level: int) -> None:
+        """A component has another level."""
+        self.robots[robot].levels[component] = level
+
+    def mute(self, robot: str, component: str) -> None:
+        """A component reports no more, or reports again."""
+        self.robots[robot].mute ^= {component}
+
+    def flaps(self, robot: str, component: str, times: int, period: int) -> None:
+        """A component changes so many times, each so many seconds after the other."""
+        for number in range(times):
+            self.level(robot, component, OK if number % 2 else ERROR)
+            self.go(period)
+
+    def pause(self, seconds: float) -> None:
+        """The process stands still."""
+        self._stands_until = self.time + seconds
+        self.go(seconds)
+
+    def restart(self, seconds: float) -> None:
+        """The process ends, and another goes on with what it has written."""
+        now = self._now()
+        robots = {name: each.persist(now) for name, each in self._state.robots.items()}
+        for row in self._state.take_fault_rows(now, at_once=True):
+            self._rows[row.kind, row.key] = row._replace(fields=json.loads(json.dumps(row.fields)))
+        self._stands_until = inf
+        self.go(seconds)
+        self._stands_until = 0.0
+        self._start()
+        self._is_exact = self._is_exact and self._wall == 0.0
+        self._state.restore(robots, self._now())
+        rows = [each for each in self._rows.values() if each.fields is not None]
+        assert not self._state.restore_faults(rows, self._now())
+        self.ran += seconds
+
+    def clock(self, seconds: float) -> None:
+        """The exporter's wall clock is set."""
+        self._wall += seconds
+
+    def repair(self) -> None:
+        """All is well again."""
+        self._wall = 0.0
+        for name in ROBOTS:
+            well = vars(Sender(name))
+            self.change(name, {each: well[each] for each in _REPAIRED})
+
+    # -- the network and the process ---------------------------------------------------------
+
+    def _publish(self, robot: Sender) -> None:
+        random, stamp = self._random, WALL + self.time + robot.clock
+        for statuses in () if robot.off else robot.arrays():
+            if random.random() < robot.lost:
+                continue
+            for _ in range(1 + (random.random() < robot.double)):
+                at = self.time + random.uniform(0.0, robot.delay)
+                message = at, next(self._numbers), robot.name, stamp, statuses
+                heapq.heappush(self._under_way, message)
+
+    def _arrive(self) -> None:
+        while self._under_way and self._under_way[0][0] <= self.time:
+            at, _number, name, stamp, statuses = heapq.heappop(self._under_way)
+            robot = self.robots[name]
+            robot.gaps += at - robot.arrived > STALE_AFTER
+            robot.arrived = at
+            kept = self._waiting.setdefault(name, [])[-KEPT:]
+            self._waiting[name] = [*kept, (stamp, statuses)]
+
+    def _turn(self) -> None:
+        """The process lets time pass and takes what waits for it, in any order."""
+        self.ran += min(self.time - self._last_turn, Clocks.LONGEST)
+        self._last_turn, now = self.time, self._now()
+        if self._random.random() < 0.5:
+            self._state.tick(now)
+            self._check()
+        waiting, self._waiting = self._waiting, {}
+        for name, messages in waiting.items():
+            for stamp, statuses in messages:
+                self._take(self.robots[name], Array(stamp, statuses, 100), now)
+        self._note_clocks()
+        self._state.tick(now)
+        self._check()
+
+    def _take(self, robot: Sender, array: Array, now: Instant) -> None:
+        robot.taken, robot.offset = self.ran, now.wall - array.stamp
+        found = {each.name.rpartition("/")[2]: each for each in array.statuses}
+        for name in found.keys() & robot.parts if robot.is_raw else COMPONENTS:
+            _note(robot, name, found.get(name), self.ran)
+        topic = "diagnostics" if robot.is_raw else "diagnostics_agg"
+        self._state.receive(Topic(0, f"/{robot.name}/{topic}"), array, now)
+        self._check()
+
+    def _note_clocks(self) -> None:
+        """Note which clocks may be right, by what was taken last of each robot."""
+        offsets = [each.offset for each in self.robots.values() if self._is_heard(each)]
+        if len(offsets) < 3 or abs(median(offsets)) <= RIGHT:
+            self._right_at = self.ran
+        for robot in self.robots.values():
+            if abs(robot.offset) <= RIGHT:
+                robot.right_at = self.ran
+
+    def _is_heard(self, robot: Sender) -> bool:
+        return self.ran - robot.taken <= STALE_AFTER + LATE
+
+    # -- what holds --------------------------------------------------------------------------
+
+    def _check(self) -> None:
+        for event in self._state.take_events():
+            if event.kind not in ("fault_began", "fault_ended"):
+                continue
+            robot = self.robots.get(event.robot)
+            if robot is None:
+                self._check_own_clock(event)
+            elif event.kind == "fault_began":
+                wrong = _wrong_begin(self, robot, event)
+                assert not wrong, (wrong, self.time, event)
+            else:
+                assert event.reason == "recovered", event
+                wrong = _wrong_end(self, robot, event)
+                assert not wrong, (wrong, self.time, event)
+
+    def _check_own_clock(self, event: Event) -> None:
+        assert (event.scope, event.component) == ("exporter", "clock"), event
+        if event.kind == "fault_began":
+            assert self.is_due(self._right_at, CLOCK_TIME), (self.time, event)
+        else:
+            assert self._right_at >= self.ran - LATE, (self.time, event)
+
+    def is_due(self, since: float, confirm_after: float) -> bool:
+        """Whether a problem may be a fault that was not there at that time."""
+        return not self._is_exact or self.ran >= since + confirm_after - LATE
+
+    def check_end(self) -> None:
+        """Whatever is wrong is a fault in time, and once it is repaired nothing is."""
+        for robot in self.robots.values():
+            self.change(robot.name, {"lost": 0.0, "delay": 0.0, "double": 0.0})
+        self.go(QUIET)
+        found = {each[1:] for each in self._state_faults()}
+        wanted = set(self._wanted())
+        assert wanted <= found, wanted - found
+        self.repair()
+        end = self.time + REPAIRED
+        while self.time < end and self._state_faults():
+            self.go(20, Clocks.LONGEST)
+        assert not self._state_faults(), self._state_faults()
+
+    def _state_faults(self) -> set[tuple[str, str, str, str]]:
+        found = (each.identity for each in self._state.faults())
+        return {(each.scope, each.state, each.robot, each.component) for each in found}
+
+    def _wanted(self) -> Iterator[tuple[str, str, str]]:
+        """State, robot and component of the faults that there have to be."""
+        found = {each[1:] for each in self._state_faults()}
+        own = any(each[2:] == ("", "clock") for each in self._state_faults())
+        for name, robot in self.robots.items():
+            if robot.off or (robot.is_raw and len(robot.mute) == len(COMPONENTS)):
+                flaps = ("flapping", name, "") in found
+                yield ("flapping" if flaps else "silent"), name, ""
+                continue
+            if abs(robot.offset) > LIMIT and not own:
+                yield "clock", name, ""
+            for component in COMPONENTS:
+                level = STALE if component in robot.mute else robot.levels[component]
+                flaps = ("flapping", name, component) in found
+                if level == ERROR:
+                    yield ("flapping" if flaps else "critical"), name, component
+            below = robot.charge.below if robot.charge.known else ()
+            if "critical" in below:
+                yield "critical", name, "battery"
+
+
+def _note(robot: Sender, name: str, status: Status | None, at: float) -> None:
+    """Note what the process takes of a component; None: it is missing where all are listed."""
+    part = robot.parts[name]
+    level = STALE if status is None else status.level
+    part.changes += (level != part.level) + 2 * (at - part.at > STALE_AFTER / 4)
+    part.level, part.at = level, at
+    if level == OK:
+        part.ok_at = at
+    if name == "battery":
+        text = "" if status is None or level == STALE else dict(status.values).get("charge", "")
+        robot.charge.take(TEXTS[text], at)
+
+
+def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
+    """What is wrong with a fault that began, by what was taken."""
+    part = robot.parts.get(event.component)
+    if part is None:
+        return _wrong_begin_of_robot(site, robot, event)
+    if event.scope == "flapping":
+        fewest = 4 if event.state == "intermittent" else FEWEST
+        return "" if part.changes >= fewest else f"{part.changes} changes"
+    if event.scope == "value" and event.state == "falling":
+        return "" if robot.charge.number != robot.charge.highest else "it did not fall"
+    if event.scope == "value":
+        below = robot.charge.below.get(event.state, inf)
+        is_due = robot.charge.known and site.is_due(below, CONFIRM)
+        return "" if is_due else f"not below for long enough: {robot.charge}"
+    is_late = event.state == "stale" and site.ran - part.at > STALE_AFTER / 4
+    if part.level not in STATES[event.state] and not is_late:
+        return f"it is {part.level}"
+    return "" if site.is_due(part.ok_at, CONFIRM) else "not for long enough"
+
+
+def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
+    if event.state == "silent":
+        least = STALE_AFTER + CONFIRM - LATE
+        return "" if site.time - robot.arrived >= least else "it was just received"
+    if event.state == "flapping":
+        return "" if 2 * robot.gaps >= FEWEST else f"it was away {robot.gaps} times"
+    if event.state == "clock":
+        return "" if site.is_due(robot.right_at, CLOCK_TIME) else "its clock was just right"
+    return "nothing of the kind happened"
+
+
+def _wrong_end(site: Site, robot: Sender, event: Event) -> str:
+    """What is wrong with a fault that recovered, by what was taken."""
+    part = robot.parts.get(event.component)
+    if site.ran - robot.taken > STALE_AFTER + LATE:
+        return "its robot is silent"
+    if event.state == "clock":
+        return "" if robot.right_at >= site.ran - LATE else "its clock is wrong"
+    if part is None or event.scope == "flapping":
+        return ""
+    if event.scope == "value":
+        severity = "critical" if event.state == "falling" else event.state
+        is_well = robot.charge.known and severity not in robot.charge.below
+        return "" if is_well else f"it is too low: {robot.charge}"
+    if site.ran - part.at > STALE_AFTER + LATE:
+        return "it is not received"
+    return "" if part.level not in WORSE[event.state] else f"it is {part.level}"
+
+
+def _fleet() -> Fleet:
+    rule = ValueRule(key=Pattern("charge"), thresholds=BATTERY)
+    profile = Profile(stale_after=STALE_AFTER, confirm_after=CONFIRM, values=(rule,))
+    robots = (
+        Robot(
+            name,
+            topic_agg=f"/{name}/diagnostics_agg",
+            topic_raw=f"/{name}/diagnostics",
+            source=Source.RAW if Sender(name).is_raw else Source.AGG,
+            profile=profile,
+        )
+        for name in ROBOTS
+    )
+    return Fleet("f", tuple(robots))
+
+
+def play(seed: int) -> None:
+    """Play up to twenty steps, the same for the same seed.
+
+    Raises:
+        AssertionError: something does not hold.
+    """
+    random = Random(f"network {seed}")
+    site = Site(random)
+    site.go(40)  # restart_grace
+    for what, *how in random_steps(seed):
+        getattr(site, what)(*how)
+        site.go(random.choice((0, 1, 5, 12, 40)))
+    site.check_end()
+
+
+def random_steps(seed: int) -> Iterator[tuple[Any, ...]]:
+    """What happens, the same for the same seed."""
+    random = Random(seed)
+    for _ in range(random.randrange(3, 20)):
+        robot, component = random.choice(ROBOTS), random.choice(COMPONENTS)
+        level = random.choice((OK, WARN, ERROR, ERROR, STALE))
+        network = {"lost": random.choice((0.0, 0.2, 0.7)), "double": random.choice((0.0, 0.5))}
+        clock = random.choice((0.0, -30.0, 4.5, 6.0, 3600.0))
+        yield random.choice(
+            (
+                *(("level", robot, component, level), ("level", robot, component, level)),
+                ("change", robot, {"text": random.choice(list(TEXTS))}),
+                ("change", robot, {"off": random.random() < 0.5}),
+                ("change", robot, {"clock": clock}),
+                ("change", robot, {**network, "delay": random.choice((0.0, 3.0))}),
+                ("mute", robot, component),
+                ("flaps", robot, component, random.randrange(2, 16), random.choice((1, 4, 12))),
+                ("clock", clock),
+                *(("pause", random.choice((3, 9, 25, 120))),) * 2,
+                ("restart", random.choice((1, 5, 60))),
+            )
+        )
