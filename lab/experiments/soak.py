@@ -8,7 +8,7 @@ Sampled into soak.csv: memory, open files, threads and CPU time of each program,
 database, messages and scrapes. soak.md and soak.png come from it: the slope of each, with its 95 %
 interval (least squares, after the warm-up). Messages lost are counted by their numbers, of the half
 of the robots that never stops publishing. Ctrl-C ends it early and keeps what was measured;
---report makes soak.md and soak.png of a folder anew.
+--report makes soak.md and soak.png of a folder anew. --chaos is another test, see `chaos`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from bench.scraper import MESSAGES, REJECTED, SEQUENCE, ScrapeError, Scraper, total
-from experiments import machine, soak_plot, soak_report, soak_scenario
+from experiments import chaos, machine, soak_plot, soak_report, soak_scenario
 from experiments.usage import megabytes, usage
 from testbed import domains, http
 from testbed.site import Site
@@ -253,12 +253,15 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--out", type=Path, default=Path("build/soak"), help="folder of the result")
     parser.add_argument("--report", type=Path, metavar="FOLDER", help="only soak.md and soak.png")
+    chaos.add_options(parser)
     return parser.parse_args()
 
 
 def main() -> None:
     """Run, then report."""
     options = _options()
+    if options.chaos:
+        sys.exit(chaos.run(options.minutes, options.seed, options.out))
     out: Path = options.report or options.out
     if options.report is None:
         out.mkdir(parents=True, exist_ok=True)

@@ -57,7 +57,8 @@ def running(folder: Path, plan: Plan, inbox: Inbox | None = None) -> Iterator[Si
             _start_links(site, endpoint)
         site.start_exporter(fleet)
         site.start_prometheus()
-        site.start_alertmanager(recorder=exporter, links=True)
+        # As docs/notifications.md says: else one that is killed forgets what it sent.
+        site.start_alertmanager("--data.maintenance-interval=10s", recorder=exporter, links=True)
         site.grafana = _start_grafana(site)
         site.wait_until_ready(lambda: _not_ok(site, plan.robots))
         yield site
