@@ -5,12 +5,20 @@ from __future__ import annotations
 import sys
 
 if sys.version_info >= (3, 14):
-    from compression.zstd import ZstdDecompressor, ZstdError, compress, decompress
+    from compression.zstd import ZstdCompressor, ZstdDecompressor, ZstdError, compress, decompress
     from compression.zstd import open as open_file
 else:
-    from backports.zstd import ZstdDecompressor, ZstdError, compress, decompress
+    from backports.zstd import ZstdCompressor, ZstdDecompressor, ZstdError, compress, decompress
     from backports.zstd import open as open_file
 
 MAGIC = b"\x28\xb5\x2f\xfd"  # how what is compressed begins
 
-__all__ = ["MAGIC", "ZstdDecompressor", "ZstdError", "compress", "decompress", "open_file"]
+__all__ = [
+    "MAGIC",
+    "ZstdCompressor",
+    "ZstdDecompressor",
+    "ZstdError",
+    "compress",
+    "decompress",
+    "open_file",
+]

@@ -7,6 +7,8 @@ import json
 import os
 import random
 import resource
+import subprocess
+import sys
 from contextlib import closing, contextmanager
 from dataclasses import replace
 
@@ -525,3 +527,26 @@ def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_pa
     assert "too short to know: the recording shows 20s of the trouble" in err
     assert "confirmed after 2m" in err
     assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]
+
+
+COMPRESSED = """
+import os, resource
+from ros_diagnostics_exporter.recordings.mcap import OpenChunk
+from ros_diagnostics_exporter.recordings.rings import CHUNK
+from ros_diagnostics_exporter.sources.ros_environment import free_large_blocks_at_once
+
+free_large_blocks_at_once()
+chunk = OpenChunk()
+chunk.append(1, os.urandom(CHUNK))
+chunk.compressed()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(100):
+    chunk.compressed()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def test_the_memory_of_the_compression_is_not_asked_for_again_at_each_chunk():
+    argv = [sys.executable, "-c", COMPRESSED]
+    run = subprocess.run(argv, capture_output=True, text=True, check=True)
+    assert int(run.stdout) < 1_000  # pages
