@@ -29,7 +29,6 @@ from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.sources.dds import check_ros
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.sources.ros_environment import RosMissingError, split_arguments
-from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
 from ros_diagnostics_exporter.storage.database import ForeignError, InUseError
 from ros_diagnostics_exporter.storage.retention import Retention
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -102,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
-    except (InUseError, RosMissingError, ZenohMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 
@@ -133,6 +132,8 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     if any(each != ZENOH for each in fleet.domain_ids):
         check_ros()
     if ZENOH in fleet.domain_ids:
+        from ros_diagnostics_exporter.sources.zenoh import check_zenoh  # noqa: PLC0415 - see there
+
         check_zenoh()
     logs.write_aside(*LOGGED_UNDER_LOCK)
     faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is

@@ -21,7 +21,6 @@ from ros_diagnostics_exporter.sources.ros_environment import (
     use_log_folder,
     use_profiles,
 )
-from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 
 LEAVE_TIME = 4.0  # seconds that domains are waited for when they are left
 STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
@@ -129,6 +128,10 @@ class Listener:
     def _new(self, domain: Domain, zenoh: Zenoh | None) -> Reception:
         free_large_blocks_at_once()
         if zenoh is not None:
+            from ros_diagnostics_exporter.sources.zenoh import (  # noqa: PLC0415 - see there
+                ZenohNetwork,
+            )
+
             return ZenohNetwork(zenoh, self._receiver, self.count, self.poll_interval)
         if not isinstance(domain, int):
             raise TypeError("zenoh has no settings")

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 
 class RosMissingError(Exception):
-    """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
+    """What receives robots, ROS or zenoh, cannot be imported; the text says what to do."""
 
 
 class MiddlewareMissingError(ImportError):

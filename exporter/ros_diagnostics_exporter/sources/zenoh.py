@@ -1,5 +1,7 @@
 """What zenoh's routers bring of robots beyond the LAN; the only file that knows zenoh.
 
+Imported where fleet.yml has zenoh: the library takes 4 MB.
+
 A session connects to a router and does so again when that was away; it keeps its subscriptions.
 Messages wait in a ring for each topic, of which the oldest are dropped, and are taken as those of
 DDS are (`reception`). Which robots there are, liveliness tokens tell, of zenoh's two ways to carry
@@ -35,6 +37,7 @@ from ros_diagnostics_exporter.model import ZENOH, Endpoint, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.reception import Count, Reception
+from ros_diagnostics_exporter.sources.ros_environment import RosMissingError
 from ros_diagnostics_exporter.sources.topic_entries import ends_of
 from ros_diagnostics_exporter.sources.zenoh_fields import Offer, ZenohFields, asked_tokens
 
@@ -128,14 +131,10 @@ ASK_AGAIN = 60.0  # seconds between two questions for all tokens, once more may 
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
 
 
-class ZenohMissingError(Exception):
-    """The package eclipse-zenoh is not installed; the text says what to do."""
-
-
 def check_zenoh() -> None:
-    """Raise ZenohMissingError, with the way out, where the package is not installed."""
+    """Raise RosMissingError, with the way out, where the package is not installed."""
     if _IMPORT_ERROR is not None:
-        raise ZenohMissingError(
+        raise RosMissingError(
             f"fleet.yml has zenoh, and eclipse-zenoh was not found ({_IMPORT_ERROR}): install it "
             f"beside this package: {install_command('zenoh')}"
         )
