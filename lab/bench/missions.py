@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.dds_subscription import Subscriber
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
 from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from support.goal_lists import encode_goals
@@ -152,6 +153,7 @@ class Subscribed:
             name = ("servers", "exporter")[number]
             nodes.append(rclpy.create_node(name, context=context, enable_rosout=False))
         self._server, self._node = nodes
+        self._subscriber = Subscriber(self._node)
         profile = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.names = [f"/robot_{number}/go{STATUS}" for number in range(topics)]
         self._publishers = [
@@ -179,7 +181,7 @@ class Subscribed:
     def look(self) -> float:
         """CPU seconds of one look."""
         now, begin = Instant(time.monotonic(), time.time()), time.thread_time()
-        for _ in self._watcher.look(self._node, {}, now):
+        for _ in self._watcher.look(self._subscriber, {}, now):
             pass
         return time.thread_time() - begin
 

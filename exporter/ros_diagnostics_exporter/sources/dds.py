@@ -45,7 +45,6 @@ try:
         ReliabilityPolicy,
     )
     from rclpy.serialization import deserialize_message
-    from rclpy.subscription import Subscription
 
     from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader, Subscribed
     from ros_diagnostics_exporter.sources.dds_names import (
@@ -55,10 +54,9 @@ try:
         list_topics,
     )
     from ros_diagnostics_exporter.sources.dds_subscription import (
+        Subscriber,
         Taken,
-        Taker,
         publisher_name,
-        subscribe_bytes,
     )
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
@@ -158,7 +156,7 @@ class DdsDomain(Reception):
         self._endpoints = EndpointReader(domain, receiver, self._subscriptions.get)
         self._watcher = Watcher(domain, receiver)
         self._context: Context | None = None
-        self._node: Node | None = None
+        self._subscriber: Subscriber | None = None
 
     @override
     def join(self) -> None:
@@ -166,14 +164,13 @@ class DdsDomain(Reception):
         update_fast_dds()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
-        self._taker = Taker()
-        self._node = make_guest(NODE_NAME, self._context)
+        self._subscriber = Subscriber(make_guest(NODE_NAME, self._context))
 
     @override
     def leave(self) -> None:
-        if self._node is not None:
-            self._node.destroy_node()
-            self._taker.close()
+        if self._subscriber is not None:
+            self._subscriber.node.destroy_node()
+            self._subscriber.close()
         if self._context is not None:
             self._context.try_shutdown()
 
@@ -183,7 +180,6 @@ class DdsDomain(Reception):
 
     @override
     def publisher(self, taken: Taken) -> str:
-        self._publisher = taken.publisher
         return taken.publisher if self._strange < MOST_STRANGE else ""
 
     @override
@@ -193,6 +189,7 @@ class DdsDomain(Reception):
 
     @override
     def measure(self, link: Link, taken: Taken) -> None:
+        self._publisher = taken.publisher
         if taken.number is not None and taken.sent and taken.received:
             link.note(taken.number, taken.sent, taken.received)
 
@@ -205,7 +202,8 @@ class DdsDomain(Reception):
     @override
     def look(self) -> Iterator[None]:
         """Report what the graph shows, and subscribe what is wanted; in small pieces."""
-        node, now = self._joined_node, read_clocks()
+        subscriber, now = self._joined, read_clocks()
+        node = subscriber.node
         self._looks += 1
         self._odd = []
         found: Topics = []
@@ -221,7 +219,7 @@ class DdsDomain(Reception):
         nodes = self._endpoints.names.complete(self._list_nodes(node), now.mono)
         self.odd = "; ".join(self._odd)
         if self.receiver.update_nodes(self._domain, nodes, now):
-            yield from self._watcher.look(node, dict(found), now)
+            yield from self._watcher.look(subscriber, dict(found), now)
             yield from self._endpoints.read(node, [name for name, _types in found], now)
 
     def _find_publisher(self, topics: Mapping[str, Endpoint]) -> None:
@@ -366,9 +364,8 @@ class DdsDomain(Reception):
     def open(
         self, name: str, offer: bool, depth: int
     ) -> tuple[Callable[[], Any], Callable[[], object]]:
-        node = self._joined_node
-        subscription, _take = subscribe(node, name, reliable=offer, depth=depth)
-        take = self._taker.of(subscription)
+        node, profile = self._joined.node, quality(reliable=offer, depth=depth)
+        subscription, take = self._joined.subscribe(DiagnosticArray, name, profile)
         subscribed = self._subscriptions[name] = Subscribed(subscription)
 
         def close() -> None:
@@ -380,24 +377,20 @@ class DdsDomain(Reception):
         return take, close
 
     @property
-    def _joined_node(self) -> Node:
-        if self._node is None:
+    def _joined(self) -> Subscriber:
+        if self._subscriber is None:
             raise RuntimeError("the domain is not joined")
-        return self._node
+        return self._subscriber
 
 
-def subscribe(
-    node: Node, topic: str, *, reliable: bool, depth: int
-) -> tuple[Subscription, Callable[[], Any]]:
-    """A subscription of diagnostics, and what takes its next message; see `subscribe_bytes`."""
-    reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-    profile = QoSProfile(
+def quality(*, reliable: bool, depth: int) -> QoSProfile:
+    """How diagnostics are subscribed; the middleware holds ``depth`` messages."""
+    return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
-        reliability=reliability,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.VOLATILE,
     )
-    return subscribe_bytes(node, DiagnosticArray, topic, profile)
 
 
 def make_guest(name: str, context: Context) -> Node:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from ros_diagnostics_exporter.model import Domain, Instant
-from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
+from ros_diagnostics_exporter.sources.dds_subscription import Subscriber, Taken
 from ros_diagnostics_exporter.sources.dds_types import UnsupportedError, borrowed_type
 from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.topic_entries import REFUSED_FOR
@@ -29,7 +29,7 @@ class _Followed(NamedTuple):
     kind: str
     profile: QoSProfile
     subscription: Any
-    take: Callable[[], Any]
+    take: Callable[[], Taken | None]
 
 
 class FieldTopics:
@@ -42,8 +42,11 @@ class FieldTopics:
         self._numbers: dict[str, int] = {}  # of the last message
         self._ask_at: dict[str, float] = {}  # when a topic without messages is looked at again
 
-    def look(self, node: Any, wanted: Mapping[str, str], now: Instant) -> Iterator[None]:
+    def look(
+        self, subscriber: Subscriber, wanted: Mapping[str, str], now: Instant
+    ) -> Iterator[None]:
         """Follow what is wanted, by name with its type, and take what is due; in small pieces."""
+        node = subscriber.node
         for name, followed in list(self._topics.items()):
             if wanted.get(name) != followed.kind or self._is_offered_otherwise(node, name, now):
                 node.destroy_subscription(self._topics.pop(name).subscription)
@@ -56,7 +59,7 @@ class FieldTopics:
                 if name in self._topics:
                     self._take(name, self._topics[name], now)
                 else:
-                    self._subscribe(node, name, kind, now)
+                    self._subscribe(subscriber, name, kind, now)
                 yield
 
     def _is_offered_otherwise(self, node: Any, name: str, now: Instant) -> bool:
@@ -67,9 +70,9 @@ class FieldTopics:
         offers = node.get_publishers_info_by_topic(name)
         return bool(offers) and _profile(offers) != self._topics[name].profile
 
-    def _subscribe(self, node: Any, name: str, kind: str, now: Instant) -> None:
+    def _subscribe(self, subscriber: Subscriber, name: str, kind: str, now: Instant) -> None:
         """Subscribe a topic as its publishers offer it; without any it waits for one."""
-        offers = node.get_publishers_info_by_topic(name)
+        offers = subscriber.node.get_publishers_info_by_topic(name)
         if not offers:
             return
         hashes = {str(each.topic_type_hash) for each in offers}
@@ -84,16 +87,16 @@ class FieldTopics:
             self._due[name] = now.mono + REFUSED_FOR
             return
         profile = _profile(offers)
-        subscribed = subscribe_bytes(node, python_type, name, profile)
+        subscribed = subscriber.subscribe(python_type, name, profile)
         self._topics[name] = _Followed(kind, profile, *subscribed)
 
     def _take(self, name: str, followed: _Followed, now: Instant) -> None:
         taken = followed.take()
         if taken is None:
             return
-        data, info = taken
+        data = taken.data
         self._ask_at[name] = now.mono + ASKED_AFTER
-        number = info["publication_sequence_number"] or 0
+        number = taken.number or 0
         missed = number - self._numbers.get(name, number - 1)
         self._numbers[name] = number
         count = missed if 1 <= missed <= MAX_MISSED else 1

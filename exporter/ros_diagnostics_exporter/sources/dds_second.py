@@ -16,11 +16,13 @@ import time
 from collections.abc import Sequence
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.node import Node
 
-from ros_diagnostics_exporter.sources.dds import NODE_NAME, make_guest, subscribe
+from ros_diagnostics_exporter.sources.dds import NODE_NAME, make_guest, quality
 from ros_diagnostics_exporter.sources.dds_names import list_nodes
+from ros_diagnostics_exporter.sources.dds_subscription import Subscriber
 from ros_diagnostics_exporter.sources.graph_nodes import NODE
 from ros_diagnostics_exporter.sources.ros_environment import split_arguments
 
@@ -36,7 +38,8 @@ def main(arguments: Sequence[str]) -> None:
     node = make_guest(f"_{NODE_NAME}_second", context)  # hidden, as tools are
     left = {each for each in wanted if each.startswith(NODE)}
     topics = (each for each in wanted if each not in left)
-    takes = {each: subscribe(node, each, reliable=False, depth=1) for each in topics}
+    subscriber, profile = Subscriber(node), quality(reliable=False, depth=1)
+    takes = {each: subscriber.subscribe(DiagnosticArray, each, profile) for each in topics}
     until = time.monotonic() + float(seconds)
     while (left or takes) and time.monotonic() < until:
         found = {topic for topic, (_kept, take) in takes.items() if take() is not None}

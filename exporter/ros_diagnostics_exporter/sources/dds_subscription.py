@@ -25,32 +25,6 @@ _GID = 16  # bytes of a publisher's name
 _KEPT = 1 << 20  # bytes of the largest message for which memory is kept
 
 
-def subscribe_bytes(
-    node: Node, kind: Any, topic: str, profile: QoSProfile
-) -> tuple[Subscription, Callable[[], Any]]:
-    """A subscription, and what takes its next message; None where there is none.
-
-    What is taken are the bytes, and what the middleware knows of the message. ``kind`` is the class
-    of the messages.
-    """
-    subscription = node.create_subscription(
-        kind,
-        topic,
-        _never_called,
-        profile,
-        raw=True,
-        # Each event that rclpy would watch for is one more thing to wait for.
-        event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-    )
-    # Instead of rclpy's executors: they pass every subscription to the middleware before each
-    # single message, which for 100 robots costs more than all else together.
-    return subscription, partial(subscription.handle.take_message, kind, True)
-
-
-def _never_called(_data: object) -> None:
-    """Stand in for a subscription's callback: messages are taken, not delivered."""
-
-
 class Taken(NamedTuple):
     """A message, its number and publisher, and when it was sent and received (Unix time in ns)."""
 
@@ -82,17 +56,37 @@ class _Info(ctypes.Structure):  # rmw_message_info_t
     )
 
 
-class Taker:
-    """Takes the messages of one thread's subscriptions, by rcl: rclpy leaves out who sent them."""
+class Subscriber:
+    """Subscribes topics of a node and takes their messages, in one thread.
 
-    def __init__(self) -> None:
+    By rcl: rclpy leaves out who sent a message. Its executors pass every subscription to the
+    middleware before each single message, which for 100 robots costs more than all else together.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
         self._message, self._info = _Serialized(allocator=default_allocator()), _Info()
 
-    def of(self, subscription: Subscription) -> Callable[[], Taken | None]:
-        """What takes the next message of a subscription that exists; None where there is none."""
+    def subscribe(
+        self, kind: Any, topic: str, profile: QoSProfile
+    ) -> tuple[Subscription, Callable[[], Taken | None]]:
+        """A subscription of messages of the class ``kind``, and what takes its next one.
+
+        That returns None where nothing has arrived; to be called while there is the subscription.
+        """
+        subscription = self.node.create_subscription(
+            kind,
+            topic,
+            _never_called,
+            profile,
+            raw=True,
+            # Each event that rclpy would watch for is one more thing to wait for.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
         pointer = ctypes.c_void_p(subscription.handle.pointer)
         arguments = pointer, ctypes.byref(self._message), ctypes.byref(self._info), None
-        return partial(self._take, partial(_RCL.rcl_take_serialized_message, *arguments))
+        take = partial(_RCL.rcl_take_serialized_message, *arguments)
+        return subscription, partial(self._take, take)
 
     def _take(self, take: Callable[[], int]) -> Taken | None:
         code = take()
@@ -111,6 +105,10 @@ class Taker:
     def close(self) -> None:
         """Free the memory that is kept."""
         ctypes.CDLL("librcutils.so").rcutils_uint8_array_fini(ctypes.byref(self._message))
+
+
+def _never_called(_data: object) -> None:
+    """Stand in for a subscription's callback: messages are taken, not delivered."""
 
 
 def publisher_name(gid: Iterable[int]) -> str:

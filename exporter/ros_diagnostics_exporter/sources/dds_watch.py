@@ -20,7 +20,7 @@ from rclpy.serialization import deserialize_message
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
 from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
-from ros_diagnostics_exporter.sources.dds_subscription import subscribe_bytes
+from ros_diagnostics_exporter.sources.dds_subscription import Subscriber, Taken
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     PARAMETERS_TYPE,
@@ -54,40 +54,42 @@ class Watcher:
     def __init__(self, domain: Domain, receiver: Receiver) -> None:
         self._domain, self._receiver = domain, receiver
         # Name -> type, subscription, what takes its next message.
-        self._topics: dict[str, tuple[str, Any, Callable[[], Any]]] = {}
+        self._topics: dict[str, tuple[str, Any, Callable[[], Taken | None]]] = {}
         self._bytes = WatchedBytes()
         self._fields = FieldTopics(domain, receiver, self._bytes)
         self._looked_at = 0.0  # monotonic
 
-    def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
+    def look(
+        self, subscriber: Subscriber, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> Iterator[None]:
         """Follow what is wanted, and take what has arrived; in small pieces."""
         all_wanted = self._receiver.watched_topics(self._domain, types, now)
         wanted = {name: kind for name, kind in all_wanted.items() if kind in KINDS}
         others = {name: kind for name, kind in all_wanted.items() if kind not in KINDS}
         for name in self._topics.keys() - wanted.keys():
-            node.destroy_subscription(self._topics.pop(name)[1])
+            subscriber.node.destroy_subscription(self._topics.pop(name)[1])
         for name in wanted.keys() - self._topics.keys():
             kind = wanted[name]
-            subscribed = subscribe_bytes(node, KINDS[kind], name, _profile(kind))
+            subscribed = subscriber.subscribe(KINDS[kind], name, _profile(kind))
             self._topics[name] = kind, *subscribed
             yield
         for name, (kind, _subscription, take) in self._topics.items():
             self._take(name, kind, take, now)
             yield
         self._looked_at = now.mono
-        yield from self._fields.look(node, others, now)
+        yield from self._fields.look(subscriber, others, now)
         self._count(now)
 
-    def _take(self, name: str, kind: str, take: Callable[[], Any], now: Instant) -> None:
+    def _take(self, name: str, kind: str, take: Callable[[], Taken | None], now: Instant) -> None:
         for _ in range(DEPTH):
             taken = take()
             if taken is None:
                 break
-            data = taken[0]
+            data = taken.data
             self._bytes.add(name, len(data))
             self._receiver.record_watched(self._domain, name, kind, data, now)
             if kind == GOALS_TYPE:
-                received = self._received(taken[1], now)
+                received = self._received(taken, now)
                 self._receiver.receive_goals(self._domain, name, data, received)
             elif kind != LOG_TYPE or (len(data) > LEVEL_AT and data[LEVEL_AT] >= ERROR):
                 self._receive(name, kind, data, now)
@@ -100,10 +102,9 @@ class Watcher:
             return
         self._receiver.receive_watched(self._domain, name, message, now)
 
-    def _received(self, info: Mapping[str, int | None], now: Instant) -> Instant:
+    def _received(self, taken: Taken, now: Instant) -> Instant:
         """When a message was, which the middleware knows: between the last look and this one."""
-        received = info["received_timestamp"]
-        waited = now.wall - received * 1e-9 if received else 0.0
+        waited = now.wall - taken.received * 1e-9 if taken.received else 0.0
         waited = min(max(0.0, waited), now.mono - self._looked_at)
         return Instant(now.mono - waited, now.wall - waited)
 

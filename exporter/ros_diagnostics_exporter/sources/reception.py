@@ -151,7 +151,7 @@ class Reception(ABC):
         return ""
 
     def measure(self, link: Link, taken: Any) -> None:  # noqa: ARG002 - of those that override
-        """Note by what was taken how it arrived, where the middleware says so."""
+        """Note how what was taken arrived, and from whom, where the middleware says so."""
         return
 
     def decode(self, data: bytes) -> Array:

@@ -12,6 +12,7 @@ from std_msgs.msg import Bool
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources import dds_types
 from ros_diagnostics_exporter.sources.dds_fields import FieldTopics
+from ros_diagnostics_exporter.sources.dds_subscription import Taken
 from ros_diagnostics_exporter.sources.watched_bytes import WatchedBytes
 
 BOOL = "std_msgs/msg/Bool"
@@ -31,23 +32,23 @@ class Site:
     """One domain, whose node has what is offered, and a message when there is one."""
 
     def __init__(self) -> None:
-        self.node, self.receiver, self.bytes = Mock(), Mock(), WatchedBytes()
+        self.subscriber, self.receiver, self.bytes = Mock(), Mock(), WatchedBytes()
         self.receiver.offered.return_value = True
         self.receiver.receive_fields.return_value = 0.0
-        self.subscription = self.node.create_subscription.return_value
-        self.subscription.handle.take_message.return_value = None
+        self.node, self.subscribe = self.subscriber.node, self.subscriber.subscribe
+        self.take = Mock(return_value=None)
+        self.subscribe.return_value = Mock(), self.take
         self.topics = FieldTopics(0, self.receiver, self.bytes)
 
     def look(self, at: float, wanted=None) -> None:
         wanted = {TOPIC: BOOL} if wanted is None else wanted
-        list(self.topics.look(self.node, wanted, Instant(at, at)))
+        list(self.topics.look(self.subscriber, wanted, Instant(at, at)))
 
     def offer(self, *offers) -> None:
         self.node.get_publishers_info_by_topic.return_value = list(offers)
 
     def send(self, data: bytes, number: int) -> None:
-        taken = data, {"publication_sequence_number": number}
-        self.subscription.handle.take_message.return_value = taken
+        self.take.return_value = Taken(data, number, 0, 0, "")
 
 
 @pytest.fixture
@@ -76,11 +77,11 @@ def test_a_topic_is_subscribed_as_all_its_publishers_offer_it(
 ):
     site.offer()
     site.look(0.0)
-    assert not site.node.create_subscription.called
+    assert not site.subscribe.called
     site.offer(*map(offer, offers))
     site.look(1.0)
 
-    kind, name, _callback, profile = site.node.create_subscription.call_args.args
+    kind, name, profile = site.subscribe.call_args.args
     assert (kind, name, profile.depth) == (Bool, TOPIC, 1)
     assert (profile.reliability, profile.durability) == (reliability, durability)
     assert site.receiver.offered.call_args.args[:4] == (0, TOPIC, BOOL, "RIHS01_1")
@@ -90,7 +91,7 @@ def test_what_is_kept_and_not_sent_reliably_is_taken_as_it_is_offered(site):
     best_effort = {"reliability": ReliabilityPolicy.BEST_EFFORT}
     site.offer(offer(DurabilityPolicy.TRANSIENT_LOCAL, **best_effort))
     site.look(0.0)
-    profile = site.node.create_subscription.call_args.args[3]
+    profile = site.subscribe.call_args.args[2]
     assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
 
 
@@ -113,16 +114,16 @@ def test_a_silent_topic_is_subscribed_anew_once_its_publishers_offer_something_e
     site.offer(offer(DurabilityPolicy.TRANSIENT_LOCAL))
     site.look(0.0)
     site.look(61.0)
-    assert site.node.create_subscription.call_count == 1
+    assert site.subscribe.call_count == 1
     site.offer(offer())
     site.send(b"12345", 1)
     site.look(100.0)
-    site.subscription.handle.take_message.return_value = None
+    site.take.return_value = None
     site.look(159.0)
-    assert site.node.create_subscription.call_count == 1
+    assert site.subscribe.call_count == 1
     site.look(161.0)
-    assert site.node.create_subscription.call_count == 2
-    assert site.node.create_subscription.call_args.args[3].durability == DurabilityPolicy.VOLATILE
+    assert site.subscribe.call_count == 2
+    assert site.subscribe.call_args.args[2].durability == DurabilityPolicy.VOLATILE
 
 
 def test_a_topic_that_is_refused_is_asked_for_again_later(site):
@@ -130,10 +131,10 @@ def test_a_topic_that_is_refused_is_asked_for_again_later(site):
     site.receiver.offered.return_value = False
     for at in (0.0, 1.0, 29.0):
         site.look(at)
-    assert (site.receiver.offered.call_count, site.node.create_subscription.called) == (1, False)
+    assert (site.receiver.offered.call_count, site.subscribe.called) == (1, False)
     site.receiver.offered.return_value = True
     site.look(31.0)
-    assert site.node.create_subscription.called
+    assert site.subscribe.called
 
 
 def test_a_topic_that_is_not_wanted_any_more_or_has_another_type_is_subscribed_no_more(site):
@@ -141,7 +142,7 @@ def test_a_topic_that_is_not_wanted_any_more_or_has_another_type_is_subscribed_n
     site.look(0.0)
     site.look(1.0, {TOPIC: "std_msgs/msg/String"})
     assert site.node.destroy_subscription.call_count == 1
-    assert site.node.create_subscription.call_count == 2
+    assert site.subscribe.call_count == 2
     site.look(2.0, {})
     assert site.node.destroy_subscription.call_count == 2
 
@@ -149,7 +150,7 @@ def test_a_topic_that_is_not_wanted_any_more_or_has_another_type_is_subscribed_n
 def test_a_type_that_is_not_installed_is_borrowed_or_named(site, monkeypatch):
     site.offer(offer())
     site.look(0.0, {TOPIC: "mir_msgs/msg/State"})
-    kind = site.node.create_subscription.call_args.args[0]
+    kind = site.subscribe.call_args.args[0]
     support, callbacks, _find = type(kind)._kept
     assert (callbacks.message_namespace, callbacks.message_name) == (b"mir_msgs::msg", b"State")
     assert support.identifier == b"rosidl_typesupport_fastrtps_c"

@@ -1,4 +1,4 @@
-"""How goals are subscribed and taken of rclpy, with a node that stands in for DDS."""
+"""How goals are subscribed and taken, with a subscriber that stands in for DDS."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
+from ros_diagnostics_exporter.sources.dds_subscription import Taken
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
 from support.goal_lists import encode_goals
 
@@ -19,24 +20,23 @@ WALL = 1_700_000_000.0
 LIST = encode_goals([Goal(bytes([7]) * 16, 5.0, 2)])
 
 
-class Node:
-    """What the watcher asks of a node; ``waiting`` are messages with when they were received."""
+class Subscriber:
+    """Stands in for that of a node; ``waiting`` are messages with when they were received."""
 
     def __init__(self) -> None:
+        self.node = None
         self.subscribed = []
         self.waiting: list[tuple[bytes, float | None]] = []
-        self.handle = SimpleNamespace(take_message=self._take)
 
-    def create_subscription(self, kind, name, _callback, profile, **how) -> Node:
-        self.subscribed.append((kind, name, profile, how["raw"]))
-        return self
+    def subscribe(self, kind, name, profile):
+        self.subscribed.append((kind, name, profile))
+        return None, self._take
 
-    def _take(self, _kind, raw):
-        assert raw
+    def _take(self):
         if not self.waiting:
             return None
         data, received = self.waiting.pop(0)
-        return data, {"received_timestamp": received and round(received * 1e9)}
+        return Taken(data, 1, 0, round((received or 0.0) * 1e9), "")
 
 
 class Receiver:
@@ -60,17 +60,17 @@ class Receiver:
 
 @pytest.fixture
 def watched():
-    """A watcher that has looked once, its node and its receiver."""
-    node, receiver = Node(), Receiver()
+    """A watcher that has looked once, its subscriber and its receiver."""
+    subscriber, receiver = Subscriber(), Receiver()
     watcher = Watcher(0, receiver)
-    list(watcher.look(node, {}, Instant(10.0, WALL)))
-    return SimpleNamespace(watcher=watcher, node=node, received=receiver.received)
+    list(watcher.look(subscriber, {}, Instant(10.0, WALL)))
+    return SimpleNamespace(watcher=watcher, subscriber=subscriber, received=receiver.received)
 
 
 def test_the_list_that_a_server_keeps_is_asked_for(watched):
-    ((kind, name, profile, raw),) = watched.node.subscribed
+    ((kind, name, profile),) = watched.subscriber.subscribed
 
-    assert (kind, name, raw, profile.depth) == (GoalStatusArray, TOPIC, True, GOALS_DEPTH)
+    assert (kind, name, profile.depth) == (GoalStatusArray, TOPIC, GOALS_DEPTH)
     assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert profile.reliability == ReliabilityPolicy.RELIABLE
 
@@ -85,8 +85,8 @@ def test_the_list_that_a_server_keeps_is_asked_for(watched):
     ],
 )
 def test_a_list_was_received_when_the_middleware_says_between_two_looks(watched, received, mono):
-    watched.node.waiting = [(LIST, received)]
-    list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
+    watched.subscriber.waiting = [(LIST, received)]
+    list(watched.watcher.look(watched.subscriber, {}, Instant(11.0, WALL + 1.0)))
 
     ((topic, data, now),) = watched.received
     assert (topic, data) == (TOPIC, LIST)
@@ -94,7 +94,7 @@ def test_a_list_was_received_when_the_middleware_says_between_two_looks(watched,
 
 
 def test_of_several_lists_all_are_taken(watched):
-    watched.node.waiting = [(LIST, None), (LIST, None)]
-    list(watched.watcher.look(watched.node, {}, Instant(11.0, WALL + 1.0)))
+    watched.subscriber.waiting = [(LIST, None), (LIST, None)]
+    list(watched.watcher.look(watched.subscriber, {}, Instant(11.0, WALL + 1.0)))
 
     assert len(watched.received) == 2

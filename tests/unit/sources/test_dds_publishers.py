@@ -14,7 +14,7 @@ MINE, OTHER = (Taken(b"", 1, 1, 1, publisher) for publisher in ("mine", "other")
 def looked(looks: int, *writers: str) -> DdsDomain:
     """A domain that has received a message of one publisher, after looks that show these."""
     domain = DdsDomain(0, (), Mock(), Mock(), 1.0)
-    assert domain.publisher(MINE) == "mine"
+    domain.measure(Mock(), MINE)
     for _ in range(looks):
         domain._find_publisher({"/r/diagnostics": Endpoint(1, writers=frozenset(writers))})
     return domain
