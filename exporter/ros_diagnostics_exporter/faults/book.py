@@ -49,13 +49,17 @@ UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does n
 
 
 class Book:
-    """All records. ``grace_until`` and ``settled_at`` (monotonic) are as `Faults.started` says."""
+    """All records; when (monotonic) a start is over, see `Faults.started`.
+
+    ``grace_until``: restart_grace; ``fleet_known_at``: robots that nobody declared are found, too;
+    ``settled_at``: what was wrong before is a fault again.
+    """
 
     def __init__(self, settings: FaultSettings) -> None:
         self.settings = settings
         self.grace_until = -inf
         self.settled_at = -inf
-        self.found_at = -inf
+        self.fleet_known_at = -inf
         self.restored_at = -inf  # when rows were read, monotonic
         self.clock_offset = 0.0  # of the wall clock to the monotonic, when hours were computed
         self.robots: dict[str, RobotRecord] = {}

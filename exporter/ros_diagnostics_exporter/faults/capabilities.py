@@ -109,7 +109,7 @@ def update_touched(book: Book, now: Instant) -> None:
 
 def update_fleet(book: Book, now: Instant) -> None:
     """Judge what the fleet can do, by what its robots can."""
-    if now.mono >= book.found_at:
+    if now.mono >= book.fleet_known_at:
         for capability in book.capabilities.values():
             capability.adopted = False
     _update(book, book.capabilities, now, is_known=True)

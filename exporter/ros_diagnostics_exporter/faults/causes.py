@@ -135,7 +135,7 @@ def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:
         robots = robots_of(book, cause.scope, cause.name)
         received = sum(robot.up for robot in robots)
         enough = 2 * received >= _needed(book, cause) or received == len(robots)
-        is_known = now.mono >= book.found_at and enough
+        is_known = now.mono >= book.fleet_known_at and enough
     cause.adopted = not is_known
     book.write(cause)
     return cause.adopted

@@ -97,7 +97,7 @@ class Faults:
         """
         book = self._book
         book.grace_until = now.mono + book.settings.restart_grace
-        book.found_at = max(book.grace_until, now.mono + found_after)
+        book.fleet_known_at = max(book.grace_until, now.mono + found_after)
         judged = book.grace_until + longest_confirm_after
         is_known = book.settled_at > -inf
         settled = max(book.grace_until, book.settled_at) if is_known else judged

@@ -119,8 +119,8 @@ def maintain_components(
 
 def settle(book: Book, now: Instant) -> None:
     """Judge what restart_grace suppressed, now that it is over."""
-    if now.mono < book.found_at:
-        book.timers.set(("settled", None), book.found_at)
+    if now.mono < book.fleet_known_at:
+        book.timers.set(("settled", None), book.fleet_known_at)
     for robot in book.robots.values():
         _note_presence(book, robot, now)
     for problem in book.problems.values():

@@ -138,13 +138,13 @@ class RobotReports:
     def end_unrepeated(self, faults: Faults, now: Instant) -> list[Change]:
         """End what an earlier process knew, and the robot has not repeated for its ends_after."""
         robot, changes = self.robot.settings, list[Change]()
-        heard_for = self.robot.components.heard_for(now)
-        if heard_for <= 0.0 or not faults.in_trouble(robot.name):
+        arrays_for = self.robot.components.arrays_for(now)
+        if arrays_for <= 0.0 or not faults.in_trouble(robot.name):
             return changes
         for name in self.adopted(faults):
             rule = component_rule(robot.profile, name.component)
             after = None if rule is None else rule.ends_after
-            if after is not None and heard_for >= after:
+            if after is not None and arrays_for >= after:
                 healthy = ComponentReport(name, Level.OK, ComponentSettings())
                 total = len(self.robot.components)
                 changes += faults.components_changed(robot.name, [healthy], total, now)

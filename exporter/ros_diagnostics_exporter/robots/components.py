@@ -64,10 +64,11 @@ class Components:
     # labels by group, see `unique_name`
     _taken: dict[str, dict[str, int]] = field(default_factory=dict)
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
-    heard: float = -inf  # when the last array was received, monotonic
-    heard_since: float = -inf  # ... and since when they are
-    is_heard: bool = False  # since it was silent
-    _is_received: bool = False  # its robot, by whatever
+    # Arrays alone, which have all that is published; `_is_received`: by whatever.
+    last_array: float = -inf  # when it was received, monotonic
+    arrays_since: float = -inf  # when they came again, monotonic
+    has_arrays: bool = False  # since the robot was silent
+    _is_received: bool = False
     _is_lossy: bool = False  # so are too many of its messages that say nothing
     _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
     _checked_at: int = -1  # the last change that `_checked` is made of
@@ -335,25 +336,25 @@ class Components:
         component.missing = True
         self._set_level(component, STALE, now)
 
-    def hear_again(self, now: Instant) -> None:
+    def resume_arrays(self, now: Instant) -> None:
         """Note that an array is received, as none was for long: all that is published could be."""
-        self.is_heard, self.heard_since = True, now.mono
-        absence = 0.0 if self.heard == -inf else now.mono - self.heard
+        self.has_arrays, self.arrays_since = True, now.mono
+        absence = 0.0 if self.last_array == -inf else now.mono - self.last_array
         self._resume(now, absence, published=True)
 
-    def hears(self, now: Instant) -> bool:
+    def receives_arrays(self, now: Instant) -> bool:
         """Whether arrays are received."""
-        return now.mono - self.heard <= self.stale_after
+        return now.mono - self.last_array <= self.stale_after
 
     @property
     def stale_after(self) -> float:
         """The seconds without an array after which the robot is silent."""
         return self._profile.stale_after
 
-    def heard_for(self, now: Instant) -> float:
+    def arrays_for(self, now: Instant) -> float:
         """For how many seconds whoever publishes could have, after a time to start."""
-        is_so = self.is_heard and self.hears(now) and not self._is_lossy
-        return now.mono - self.heard_since - TIME_TO_START if is_so else 0.0
+        is_so = self.has_arrays and self.receives_arrays(now) and not self._is_lossy
+        return now.mono - self.arrays_since - TIME_TO_START if is_so else 0.0
 
     def resume(self, now: Instant, absence: float) -> None:
         """Go on with what is made of fields, as many seconds after anything was received."""
@@ -389,7 +390,7 @@ class Components:
 
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
-        self._is_received = self.is_heard = False
+        self._is_received = self.has_arrays = False
         for component in self.by_identity.values():
             if component.feed is None:
                 self._set_level(component, STALE, now)
@@ -425,7 +426,7 @@ class Components:
     def _due(self, component: Component, now: Instant) -> float:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
-            is_known = self.hears(now) if component.is_published else self._is_received
+            is_known = self.receives_arrays(now) if component.is_published else self._is_received
             return component.ends_at if is_known and not self._is_lossy else inf
         if component.is_stale or component.received is None:
             return inf

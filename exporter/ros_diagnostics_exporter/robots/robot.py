@@ -199,9 +199,9 @@ class RobotState:
             self.undecodable = False
         self._note_received(now)
         components, stale_after = self.components, self.settings.profile.stale_after
-        if not components.is_heard or now.mono - components.heard > stale_after:
-            components.hear_again(now)
-        components.heard = now.mono
+        if not components.has_arrays or now.mono - components.last_array > stale_after:
+            components.resume_arrays(now)
+        components.last_array = now.mono
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
@@ -456,7 +456,8 @@ class RobotState:
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
             self.up = self._has_no_ros
-            self.last_mono = self.components.heard = now.mono - (now.wall - persisted.last_seen)
+            self.last_mono = now.mono - (now.wall - persisted.last_seen)
+            self.components.last_array = self.last_mono
         for each in persisted.components:
             if self.components.restore(each, now) is not None:
                 self.measured.restored(each.identity)

@@ -104,7 +104,7 @@ def worst(component: Component, components: Components, writers: Writers, now: I
     for publisher, each in list(said.items()):
         after = max(components.stale_after, GAP_FACTOR * each.gap)
         after = inf if component.is_on_change else after
-        at = max(each.at, components.heard_since)
+        at = max(each.at, components.arrays_since)
         is_seen = publisher in writers.names or latest not in writers.names
         is_gone = not is_seen and at + LOOK_TIME < writers.at
         if publisher != latest and (is_gone or now.mono - at > after):

@@ -174,7 +174,7 @@ class RawUpdates:
             return  # not asked for again
         self._writers = Writers(names, now.mono)
         components = self._components
-        for component in list(components) if components.hears(now) else ():
+        for component in list(components) if components.receives_arrays(now) else ():
             if component.said is not None and component.reports:
                 counted = worst(component, components, self._writers, now)
                 components.update(component, counted, now)
