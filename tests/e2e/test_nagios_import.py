@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from ros_diagnostics_tools.nagios.importer.inheritance import Templates
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.routes import NOBODY, ROUTES
 from ros_diagnostics_tools.nagios.importer.site import Site
+from support.called import called
 from support.nagios_program import files, installed
 
 SITE = Path(__file__).parents[1] / "data/nagios"
@@ -59,7 +59,7 @@ def main(request, tmp_path) -> Path:
 
 def precached(main: Path) -> dict[tuple[str, ...], Definition]:
     """The objects as Nagios resolves them."""
-    done = subprocess.run([installed(), "-vp", main], capture_output=True, text=True, check=False)
+    done = called([installed(), "-vp", main])
     assert done.returncode == 0, done.stdout
     found = read([main.parent / "objects.precache"]).definitions
     return {name_of(each.kind, each.value): each for each in found}

@@ -1,12 +1,13 @@
 """Tests that pages and lists name: whether they exist, with the names of their cases."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+
+from support.called import called
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -37,8 +38,4 @@ def find_missing(named: Iterable[str], session: pytest.Session) -> set[str]:
 def _collected(*files: str) -> set[str]:
     """The tests in these files, with the names of their cases."""
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:xdist", *files]
-    return set(
-        subprocess.run(
-            command, cwd=CHECKOUT, capture_output=True, text=True, timeout=300, check=False
-        ).stdout.splitlines()
-    )
+    return set(called(command, cwd=CHECKOUT, timeout=300).stdout.splitlines())

@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from support import subnets
+from support.called import called
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.processes import Process
@@ -162,14 +163,7 @@ class Newcomer:
 
         def found() -> bool:
             nonlocal output
-            done = subprocess.run(
-                self._argv(script, online=False),
-                env=self._environment(),
-                capture_output=True,
-                text=True,
-                timeout=60,
-                check=False,
-            )
+            done = called(self._argv(script, online=False), env=self._environment(), timeout=60)
             output = done.stdout + done.stderr
             return re.search(pattern, output) is not None
 

@@ -1,6 +1,5 @@
 """The shipped rules and their tools."""
 
-import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import yaml
 
 from ros_diagnostics_exporter.durations import parse as parse_duration
+from support.called import called
 
 ROOT = Path(__file__).resolve().parents[2]
 PROMETHEUS = ROOT / "prometheus"
@@ -26,14 +26,7 @@ def read_yaml(file: Path) -> Any:
 
 def run_tool(name: str, *arguments: object, stdin: str = "") -> str:
     """Run promtool or amtool (`./run test` installs them); return what it printed to stdout."""
-    done = subprocess.run(
-        [name, *map(str, arguments)],
-        input=stdin,
-        capture_output=True,
-        text=True,
-        timeout=250,
-        check=False,
-    )
+    done = called([name, *map(str, arguments)], input=stdin, timeout=250)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from support.called import called
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -76,7 +77,7 @@ def missing() -> str:
     script = (
         "mount -t tmpfs tmpfs /run && ip netns add any && ip link add one type veth peer name other"
     )
-    done = subprocess.run([*probe, script], capture_output=True, text=True, check=False)
+    done = called([*probe, script])
     return "no network namespaces: unshare --user --net fails" if done.returncode else ""
 
 
@@ -133,7 +134,7 @@ class Subnets:
     def output(self, host: str, *argv: str) -> str:
         """What a command writes on a host; arguments and errors as `run`."""
         command = [*self._into(host), *argv]
-        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        return called(command, check=True).stdout
 
     def fetch(self, host: str, url: str) -> str:
         """What a server answers to a host.
@@ -142,14 +143,14 @@ class Subnets:
             OSError: There is no answer, or an error of HTTP.
         """
         argv = [*self._into(host), sys.executable, "-c", FETCH, url]
-        done = subprocess.run(argv, capture_output=True, text=True, timeout=20, check=False)
+        done = called(argv, timeout=20)
         if done.returncode:
             raise OSError(done.stderr)
         return done.stdout
 
     def _is_up(self, host: str) -> bool:
         argv = [*self._enter(), "ip", "-json", "-n", host, "link", "show", "eth0"]
-        done = subprocess.run(argv, capture_output=True, text=True, check=True)
+        done = called(argv, check=True)
         (link,) = json.loads(done.stdout)
         return link["operstate"] in ("UP", "UNKNOWN")  # a TAP device does not say
 

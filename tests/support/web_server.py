@@ -45,14 +45,19 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
     }
 
 
-def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
-    """A problem as /api/v1/fleet shows it: not confirmed yet, for 5 s of 60."""
-    severe = state in {"critical", "silent"}
+def _identity(scope: str, state: str) -> dict[str, Any]:
     return {
         "scope": scope,
         "state": state,
-        "severity": "critical" if severe else "warning",
+        "severity": "critical" if state in {"critical", "silent"} else "warning",
         **dict.fromkeys(("site", "robot", "group", "component", "check", "key", "bound"), ""),
+    }
+
+
+def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
+    """A problem as /api/v1/fleet shows it: not confirmed yet, for 5 s of 60."""
+    return {
+        **_identity(scope, state),
         "since": 1_000.0,
         "confirmed": None,
         "due": 1_065.0,
@@ -133,12 +138,8 @@ def no_history(fault: str) -> dict[str, Any]:
 
 def occurrence(scope: str, state: str, **changed: Any) -> dict[str, Any]:
     """A fault as /api/v1/faults/ID shows it: of 1,000 to 1,030, recovered."""
-    severe = state in {"critical", "silent"}
     return {
-        "scope": scope,
-        "state": state,
-        "severity": "critical" if severe else "warning",
-        **dict.fromkeys(("site", "robot", "group", "component", "check", "key", "bound"), ""),
+        **_identity(scope, state),
         "since": 1_000.0,
         "confirmed": 1_010.0,
         "until": 1_030.0,

@@ -1,7 +1,6 @@
 """Without a library of an extra, a sentence names the command that installs it."""
 
 import shlex
-import subprocess
 import sys
 
 import pytest
@@ -11,6 +10,7 @@ from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.main import main
 from support.bags import every_second, write_ros1
+from support.called import called
 from testbed.configuration import CHECKOUT
 from virtual_robots import cli
 
@@ -30,7 +30,7 @@ def test_they_are_those_of_the_packages():
 
 def test_pip_accepts_the_command_and_needs_no_index_that_has_this_package():
     command = [*shlex.split(install_command("mail")), "--dry-run", "--no-index"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = called(command, timeout=60)
     assert done.returncode == 0, done.stderr
     assert "already satisfied: aiosmtpd" in done.stdout
 

@@ -1,12 +1,12 @@
 """Unit tests find mistakes: each that is planted in a package makes the named test fail."""
 
-import subprocess
 import sys
 from pathlib import PurePosixPath
 
 import pytest
 import yaml
 
+from support.called import called
 from support.named_tests import find_missing
 from support.planted import CHECKOUT, occurs_once, planted_checkout
 
@@ -34,14 +34,7 @@ def test_a_planted_mistake_is_found(mistake, tmp_path):
     environment = planted_checkout(copy, mistake["file"], mistake["right"], mistake["wrong"])
     argv = [sys.executable, "-m", "pytest", "--quiet", "-p", "no:cacheprovider"]
 
-    done = subprocess.run(
-        [*argv, mistake["found_by"]],
-        cwd=copy,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = called([*argv, mistake["found_by"]], cwd=copy, env=environment)
 
     assert done.returncode == pytest.ExitCode.TESTS_FAILED, done.stdout + done.stderr
     assert f"FAILED {mistake['found_by']}" in done.stdout

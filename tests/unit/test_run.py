@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from support.called import called
+
 CHECKOUT = Path(__file__).parents[2]
 ORIGINAL = "#!/bin/sh\n# the administrator's\nexit 104\n"
 MARK = "# ./run installs: "
@@ -103,7 +105,7 @@ class Machine:
         path.chmod(0o755)
 
     def call(self, *argv: str | Path, kill_at: int = 0) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
+        return called(
             ["sh", "-c", f'echo $$ >{self.folder}/pid; exec "$@"', "sh", *argv],
             env={
                 "PATH": self.path,
@@ -112,9 +114,6 @@ class Machine:
             },
             cwd=self.checkout,
             stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
             timeout=120,
         )
 

@@ -1,10 +1,10 @@
 """`--no-skips`: a skipped test fails the run, unless tests/allowed_skips.yml has its reason."""
 
-import subprocess
 import sys
 from pathlib import Path
 
 from support import skips
+from support.called import called
 from testbed.configuration import CHECKOUT
 
 TEST = """
@@ -23,9 +23,7 @@ def test_a_skip_fails_the_run_that_allows_none_but_for_what_is_listed(tmp_path):
     argv += ["--confcutdir", "tests", "-p", "conftest", "--no-skips", "-n", "1", str(test)]
     environment = {"PYTHONPATH": "tests:tools:lab", "PATH": str(Path(sys.executable).parent)}
 
-    done = subprocess.run(
-        argv, cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False
-    )
+    done = called(argv, cwd=CHECKOUT, env=environment)
 
     assert done.returncode == 1, done.stdout + done.stderr
     refused = [line for line in done.stdout.splitlines() if "which is a failure here: " in line]

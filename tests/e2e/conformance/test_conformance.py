@@ -1,7 +1,6 @@
 """This project notifies as the distribution's Nagios does, but for what differs on purpose."""
 
 import json
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from conformance.exporter import TICK
 from conformance.histories import WRITTEN, drawn
 from conformance.history import Notification
 from conformance.table import PAGE, ROWS, rows, summary
+from support.called import called
 from support.planted import planted
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -82,7 +82,7 @@ def test_other_histories_that_are_drawn_are_notified_the_same(tmp_path, seed):
 def with_mistake(written: Sequence[Outcome], environment: dict[str, str]) -> list[Outcome]:
     """The outcomes of the written histories as they are with an exporter that has a mistake."""
     argv = [sys.executable, "-c", PLAY]
-    done = subprocess.run(argv, env=environment, check=True, capture_output=True, text=True)
+    done = called(argv, env=environment, check=True)
     played = [[Notification(*each) for each in found] for found in json.loads(done.stdout)]
     return [
         replace(outcome, ours=ours)

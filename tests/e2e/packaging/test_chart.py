@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import prometheus_operator
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.web import webconfig
+from support.called import called
 from support.committed_dashboards import BOARDS
 from support.go import go
 from testbed.configuration import CHECKOUT
@@ -56,9 +56,7 @@ def build(helm: str, tmp_path: Path) -> Callable[..., Objects]:
             argv = [helm, *command, CHART, "--values", tmp_path / "values.yaml"]
             kubernetes = ["--kube-version=1.29"]
             more = options if command[0] == "template" else ()
-            done = subprocess.run(
-                [*argv, *kubernetes, *more], capture_output=True, text=True, check=False
-            )
+            done = called([*argv, *kubernetes, *more])
             assert done.returncode == 0, done.stdout + done.stderr
         found = list(filter(None, yaml.safe_load_all(done.stdout)))
         for each in found:

@@ -2,13 +2,13 @@
 
 import json
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from support import debian
+from support.called import called
 from support.debian import Machine
 from support.newcomer import blocks
 from testbed.configuration import CHECKOUT
@@ -145,7 +145,7 @@ def test_nothing_that_is_not_committed_is_in_it(debian_package: Path, tmp_path: 
     packed = {path.relative_to(share).as_posix() for path in share.rglob("*") if path.is_file()}
 
     listed = ["git", "ls-files", "prometheus", "alertmanager", "grafana"]
-    tracked = subprocess.run(listed, cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    tracked = called(listed, cwd=CHECKOUT, check=True)
     assert packed
     assert packed <= set(tracked.stdout.split())
     assert not [each for each in packed if debian.PRIVATE in (share / each).read_text()]
@@ -154,7 +154,7 @@ def test_nothing_that_is_not_committed_is_in_it(debian_package: Path, tmp_path: 
 @pytest.mark.skipif(shutil.which("lintian") is None, reason="not installed: lintian")
 def test_lintian_has_nothing_to_say(debian_package: Path):
     command = ["lintian", "--allow-root", "--fail-on", "error,warning", str(debian_package)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1200, check=False)
+    done = called(command, timeout=1200)
     assert done.stdout == ""
     assert done.returncode == 0
 

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ import yaml
 
 import prometheus_operator
 from ros_diagnostics_exporter import __version__
+from support.called import called
 from support.go import go
 from testbed import domains, http
 from testbed.configuration import CHECKOUT
@@ -172,9 +172,7 @@ def test_kustomize_builds_the_base_and_the_overlays_of_the_page(tmp_path):
         kustomize = str(tmp_path / "kustomize")
 
     def build(folder: Path) -> dict[tuple[str, str], dict[str, Any]]:
-        done = subprocess.run(
-            [kustomize, "build", folder], capture_output=True, text=True, check=False
-        )
+        done = called([kustomize, "build", folder])
         assert done.returncode == 0, done.stderr
         found = {(o["kind"], o["metadata"]["name"]): o for o in yaml.safe_load_all(done.stdout)}
         for each in found.values():

@@ -1,6 +1,5 @@
 """Machines for which the package index has no ROS: all else that is pinned has wheels for them."""
 
-import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.metadata import requires
@@ -10,6 +9,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from support.called import called
 from testbed.configuration import CHECKOUT
 
 tomllib = pytest.importorskip("tomllib", reason="needs Python 3.11")
@@ -88,12 +88,7 @@ def test_what_is_pinned_has_wheels(tmp_path: Path, python: str, architecture: st
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
     command += ["--only-binary=:all:", f"--python-version={python}", *platforms, *abis]
 
-    done = subprocess.run(
-        [*command, "--dest", tmp_path / "wheels", "--requirement", tmp_path / "pins.txt"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = called([*command, "--dest", tmp_path / "wheels", "--requirement", tmp_path / "pins.txt"])
 
     assert done.returncode == 0, done.stderr
     assert len([*(tmp_path / "wheels").glob("*.whl")]) == len(found)

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter import __version__
+from support.called import called
 from support.newcomer import blocks
 from testbed import domains, http, ports
 from testbed.polling import until
@@ -98,7 +99,7 @@ def test_a_package_with_another_hash_than_the_locks_is_refused(tmp_path):
     run(*download)
 
     (tmp_path / "lock.txt").write_text(re.sub(r"(sha256:)[0-9a-f]{2}", r"\g<1>00", lock))
-    done = subprocess.run(download, capture_output=True, text=True, check=False)
+    done = called(download)
     assert done.returncode == 1
     assert "DO NOT MATCH THE HASHES" in done.stderr
 

@@ -13,6 +13,7 @@ import pytest
 
 from ros_diagnostics_exporter import __version__
 from support import debian, podman
+from support.called import called
 from testbed.configuration import CHECKOUT
 
 IMAGE = os.geteuid() == 0  # another user cannot make the base that it is built on: all but that
@@ -38,7 +39,7 @@ def test_a_commit_is_built_twice_with_the_same_bytes(
         *["--no-image"] * (not IMAGE),
         tmp_path / "dist",
     ]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    done = called(command, env=env)
 
     assert done.returncode == 0, done.stdout + done.stderr
     built = {each.name: each.read_bytes() for each in (tmp_path / "dist").iterdir()}

@@ -2,12 +2,12 @@
 
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 import yaml
 
+from support.called import called
 from support.go import go
 from testbed.configuration import CHECKOUT
 
@@ -35,10 +35,10 @@ def test_actionlint_accepts_the_workflows_and_would_find_an_error(tmp_path: Path
         actionlint = str(tmp_path / "actionlint")
     command = [actionlint, "-shellcheck=", "-pyflakes="]
     shipped = sorted(WORKFLOWS.glob("*.yml"))
-    done = subprocess.run([*command, *shipped], capture_output=True, text=True, check=False)
+    done = called([*command, *shipped])
     assert (done.returncode, done.stdout) == (0, "")
 
     wrong = tmp_path / "wrong.yml"
     wrong.write_text(shipped[0].read_text().replace("runs-on", "run-on"))
-    done = subprocess.run([*command, wrong], capture_output=True, text=True, check=False)
+    done = called([*command, wrong])
     assert "run-on" in done.stdout

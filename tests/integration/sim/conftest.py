@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from support.called import called
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -94,13 +95,6 @@ def command(dds_environment: dict[str, str]) -> Callable[..., subprocess.Complet
     """A function (arguments): runs `virtual-robots` to its end."""
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [COMMAND, *arguments],
-            env=dds_environment,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        return called([COMMAND, *arguments], env=dds_environment, timeout=60)
 
     return run

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from support.called import called
+
 CHECKOUT = Path(__file__).parents[3]
 COLCON = ("colcon-ros", "colcon-python-setup-py", "colcon-recursive-crawl", "setuptools<80")
 # Prints the warnings of the parser that bloom and rosdep use; an error ends it.
@@ -54,12 +56,10 @@ def test_the_exporter_builds_and_runs_in_a_colcon_workspace(tmp_path):
     }
     assert shipped == ours
     # The other dependencies, and ROS, come from this environment, as from a sourced one.
-    version = subprocess.run(
+    version = called(
         [sys.executable, "-m", "ros_diagnostics_exporter.cli.main", "--version"],
         env={**os.environ, "PYTHONPATH": str(packages)},
         cwd=tmp_path,
         check=True,
-        capture_output=True,
-        text=True,
     )
     assert version.stdout.startswith("ros-diagnostics-exporter ")

@@ -1,6 +1,5 @@
 """Memory of a subscribed topic before anything arrives, of the sockets, and what is freed."""
 
-import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -11,6 +10,7 @@ from ros_diagnostics_exporter.model import Stream, Topic
 from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from ros_diagnostics_exporter.storage.storage import Storage
+from support.called import called
 from testbed import domains
 
 TOPICS = 200
@@ -87,7 +87,7 @@ def kilobytes_of_topics(environment: dict[str, str]) -> int:
 
 def printed(environment: dict[str, str], *program: str) -> int:
     argv = [sys.executable, "-c", *program]
-    run = subprocess.run(argv, env=environment, capture_output=True, text=True, check=True)
+    run = called(argv, env=environment, check=True)
     assert not run.stderr
     return int(run.stdout)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from support.called import called
 from testbed import ports, programs
 from testbed.polling import until
 from testbed.processes import Process
@@ -58,7 +59,7 @@ class Hall(Site):
         """Run the exporter until it exits, at a port of its own."""
         address = ("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
         argv = self._argv(*address, *flags)
-        return subprocess.run(argv, capture_output=True, text=True, timeout=60, check=False)
+        return called(argv, timeout=60)
 
     def ask(self, path: str, method: str = "GET", port: int = 0) -> Any:
         """JSON from the exporter."""

@@ -1,6 +1,5 @@
 """A fault of the real program: its recording, and its page after a restart."""
 
-import subprocess
 import sys
 import urllib.request
 from contextlib import closing
@@ -16,6 +15,7 @@ from ros_diagnostics_exporter.http_client import Client as Exporter
 from ros_diagnostics_tools.ask import Answers
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from support import exposition
+from support.called import called
 from testbed.polling import until
 
 pytestmark = pytest.mark.integration
@@ -64,10 +64,8 @@ def test_a_recording_has_the_bytes_that_another_subscriber_recorded_and_replays(
     shared = ours[ours.index(theirs[begin]) :]
     assert shared == theirs[begin : begin + len(shared)]
     assert len(shared) > 10
-    ended = subprocess.run(
+    ended = called(
         [bin_folder / "ros-diagnostics", "backtest", recording, *domain, "--output", "json"],
-        capture_output=True,
-        text=True,
         timeout=60,
         check=True,
     )

@@ -1,7 +1,6 @@
 """Every code block of the pages is tried here; examples.yml has what others run and what none."""
 
 import re
-import subprocess
 import sysconfig
 from collections.abc import Iterator
 from functools import cache
@@ -14,6 +13,7 @@ import yaml
 from config_schema import schema
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from support.called import called
 from support.shipped_rules import ROOT, run_tool
 
 PAGES = [
@@ -167,7 +167,7 @@ def usage(program: str) -> str:
     argv = [str(ROOT / "run"), "help"] if program == "./run" else [str(BIN / program), "--help"]
     if program == "virtual-robots":  # of each subcommand, too
         argv = ["sh", "-c", f"for each in '' fault record replay; do {argv[0]} $each --help; done"]
-    return subprocess.run(argv, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    return called(argv, check=True, cwd=ROOT).stdout
 
 
 def ours() -> list[tuple[str, str]]:

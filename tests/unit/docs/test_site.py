@@ -1,7 +1,6 @@
 """The site of the documentation is built without a warning and takes nothing from elsewhere."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import pytest
 
 from e2e.dashboards.browser import CHROMIUM_OPTIONS, chromium
+from support.called import called
 
 CHECKOUT = Path(__file__).parents[3]
 pytest.importorskip("material", reason="./run docs installs it")
@@ -19,9 +19,7 @@ pytest.importorskip("material", reason="./run docs installs it")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    done = subprocess.run(
-        command, cwd=CHECKOUT, capture_output=True, text=True, timeout=300, check=False
-    )
+    done = called(command, cwd=CHECKOUT, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 

@@ -16,14 +16,18 @@ from support.fault_histories import (
     silent,
 )
 
+CRITICAL = "component/critical r1 motor"
+WARNING = "component/warning r1 motor"
+SILENT = "robot/silent r1"
+
 
 def test_an_error_is_a_fault_after_confirm_after_until_it_is_received_better():
     play(
         (20, level("motor", ERROR)),
         (29, None),
-        (30, None, "began component/critical r1 motor"),
+        (30, None, f"began {CRITICAL}"),
         (59, None),
-        (60, level("motor", OK), "recovered component/critical r1 motor"),
+        (60, level("motor", OK), f"recovered {CRITICAL}"),
     )
 
 
@@ -33,8 +37,8 @@ def test_an_error_that_ends_before_confirm_after_is_none():
 
 def test_a_fault_shorter_than_a_scrape_is_one_where_confirm_after_is_zero():
     play(
-        (20, level("motor", ERROR, confirm_after=0), "began component/critical r1 motor"),
-        (20.2, level("motor", OK, confirm_after=0), "recovered component/critical r1 motor"),
+        (20, level("motor", ERROR, confirm_after=0), f"began {CRITICAL}"),
+        (20.2, level("motor", OK, confirm_after=0), f"recovered {CRITICAL}"),
     )
 
 
@@ -42,7 +46,7 @@ def test_a_component_may_have_a_confirm_after_of_its_own():
     play(
         (0, level("motor", WARN)),
         (0, level("arm", WARN, confirm_after=30)),
-        (10, None, "began component/warning r1 motor"),
+        (10, None, f"began {WARNING}"),
         (29, None),
         (30, None, "began component/warning r1 arm"),
     )
@@ -51,24 +55,19 @@ def test_a_component_may_have_a_confirm_after_of_its_own():
 def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on_under_it():
     play(
         (0, level("motor", WARN)),
-        (10, None, "began component/warning r1 motor"),
-        (50, level("motor", ERROR), "began component/critical r1 motor"),
-        (70, level("motor", WARN), "recovered component/critical r1 motor"),
-        (90, level("motor", OK), "recovered component/warning r1 motor"),
+        (10, None, f"began {WARNING}"),
+        (50, level("motor", ERROR), f"began {CRITICAL}"),
+        (70, level("motor", WARN), f"recovered {CRITICAL}"),
+        (90, level("motor", OK), f"recovered {WARNING}"),
     )
 
 
 def test_critical_that_gets_better_and_worse_again_is_another_fault():
     last = play(
         (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (
-            20,
-            level("motor", WARN),
-            "recovered component/critical r1 motor",
-            "began component/warning r1 motor",
-        ),
-        (40, level("motor", ERROR), "began component/critical r1 motor"),
+        (10, None, f"began {CRITICAL}"),
+        (20, level("motor", WARN), f"recovered {CRITICAL}", f"began {WARNING}"),
+        (40, level("motor", ERROR), f"began {CRITICAL}"),
     )
 
     since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
@@ -90,17 +89,12 @@ def test_stale_is_a_state_of_its_own_and_ends_with_a_fresh_status():
 def test_stale_ends_neither_a_warning_nor_a_critical():
     play(
         (0, level("motor", WARN)),
-        (10, None, "began component/warning r1 motor"),
+        (10, None, f"began {WARNING}"),
         (20, level("motor", STALE), "began component/stale r1 motor"),
-        (30, level("motor", ERROR), "began component/critical r1 motor"),
+        (30, level("motor", ERROR), f"began {CRITICAL}"),
         (40, level("motor", STALE)),
-        (
-            50,
-            level("motor", WARN),
-            "recovered component/critical r1 motor",
-            "recovered component/stale r1 motor",
-        ),
-        (60, level("motor", OK), "recovered component/warning r1 motor"),
+        (50, level("motor", WARN), f"recovered {CRITICAL}", "recovered component/stale r1 motor"),
+        (60, level("motor", OK), f"recovered {WARNING}"),
     )
 
 
@@ -150,7 +144,7 @@ def test_labels_are_those_of_the_beginning_for_the_life_of_a_fault():
         (0, robot_settings(site="hall", team="red")),
         (0, level("motor", ERROR)),
         (0, level("arm", ERROR, confirm_after=30)),
-        (10, None, "began component/critical r1 motor"),
+        (10, None, f"began {CRITICAL}"),
         (20, robot_settings(site="yard", team="blue")),
         (30, None, "began component/critical r1 arm"),
     )
@@ -163,7 +157,7 @@ def test_labels_are_those_of_the_beginning_for_the_life_of_a_fault():
 
 
 def test_evidence_is_fixed_once():
-    last = play((0, level("motor", ERROR)), (10, None, "began component/critical r1 motor"))
+    last = play((0, level("motor", ERROR)), (10, None, f"began {CRITICAL}"))
     fault = next(iter(last.faults.faults()))
 
     described = last.faults.describe(fault, "x" * 5000)
@@ -180,7 +174,7 @@ def test_another_confirm_after_holds_for_what_is_not_confirmed():
         (0, level("arm", ERROR)),
         (5, level("motor", ERROR, confirm_after=30)),
         (7, level("arm", ERROR, confirm_after=1), "began component/critical r1 arm"),
-        (30, None, "began component/critical r1 motor"),
+        (30, None, f"began {CRITICAL}"),
     )
 
 
@@ -191,14 +185,14 @@ def test_nothing_begins_while_the_robot_is_silent_and_nothing_ends():
     play(
         (0, level("motor", ERROR)),
         (5, level("arm", ERROR)),
-        (10, None, "began component/critical r1 motor"),
+        (10, None, f"began {CRITICAL}"),
         (12, silent()),
-        (22, None, "began robot/silent r1"),
+        (22, None, f"began {SILENT}"),
         (
             90,
             back("r1", level("motor", OK), level("arm", ERROR)),
-            "recovered robot/silent r1",
-            "recovered component/critical r1 motor",
+            f"recovered {SILENT}",
+            f"recovered {CRITICAL}",
             "began component/critical r1 arm",
         ),
     )
@@ -208,8 +202,8 @@ def test_what_turns_stale_right_after_its_robots_return_is_no_change():
     for second, ratio in ((29, 0.0), (30, 1.25 / 20)):
         last = play(
             (0, silent()),
-            (10, None, "began robot/silent r1"),
-            (20, back("r1", level("motor", OK)), "recovered robot/silent r1"),
+            (10, None, f"began {SILENT}"),
+            (20, back("r1", level("motor", OK)), f"recovered {SILENT}"),
             (second, level("motor", STALE)),
         )
         assert [each.flap_ratio for each in last.faults.followed("r1").values()] == [ratio]

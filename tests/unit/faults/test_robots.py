@@ -19,9 +19,12 @@ from support.fault_histories import (
     texts,
 )
 
+CRITICAL = "component/critical r1 motor"
+SILENT = "robot/silent r1"
+
 
 def test_a_silent_robot_is_one_fault_dated_from_its_last_message():
-    last = play((20, silent(last=10)), (29, None), (30, None, "began robot/silent r1"))
+    last = play((20, silent(last=10)), (29, None), (30, None, f"began {SILENT}"))
 
     assert [each.since - WALL for each in last.faults.faults()] == [10]
     assert [each.what for each in last.go(60, back())] == ["recovered"]
@@ -40,15 +43,15 @@ def test_a_person_takes_a_robot_out():
     play(
         (0, level("motor", ERROR)),
         (0, check(1, 2)),
-        (10, None, "began check/critical r1 motors", "began component/critical r1 motor"),
+        (10, None, "began check/critical r1 motors", f"began {CRITICAL}"),
         (20, silent()),
-        (30, None, "began robot/silent r1"),
+        (30, None, f"began {SILENT}"),
         (
             40,
             forget(),
-            "removed component/critical r1 motor",
+            f"removed {CRITICAL}",
             "removed check/critical r1 motors",
-            "removed robot/silent r1",
+            f"removed {SILENT}",
         ),
         (10_000, None),
     )
@@ -70,7 +73,7 @@ def test_a_robot_that_comes_and_goes_is_flapping_once():
         (300, silent()),
         (320, None),
         (330, back("r1", level("motor", ERROR), level("camera", STALE))),
-        (340, None, "began component/critical r1 motor"),
+        (340, None, f"began {CRITICAL}"),
         (1500, None, "began component/stale r1 camera", "recovered robot/flapping r1"),
     )
 
@@ -81,15 +84,15 @@ def test_a_robot_that_stays_away_after_a_restart_is_no_longer_flapping_and_silen
         (240, silent()),
         (250, None, "began robot/flapping r1"),
         (255, restart()),
-        (1500, None, "recovered robot/flapping r1", "began robot/silent r1"),
+        (1500, None, "recovered robot/flapping r1", f"began {SILENT}"),
     )
 
 
 def test_the_return_after_a_long_silence_is_a_change_too():
     last = play(
         (0, silent()),
-        (10, None, "began robot/silent r1"),
-        (9_990, back(), "recovered robot/silent r1"),
+        (10, None, f"began {SILENT}"),
+        (9_990, back(), f"recovered {SILENT}"),
         *((10_000 + second, event) for second, event in _OUTAGES[:-1]),
     )
     assert texts(last.go(10_188, back())) == []
@@ -102,11 +105,11 @@ def test_the_return_after_a_long_silence_is_a_change_too():
 def test_a_restart_in_a_fault_ends_nothing_and_begins_nothing():
     play(
         (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
+        (10, None, f"began {CRITICAL}"),
         (20, restart()),
         (25, back("r1", level("motor", STALE))),
         (30, level("motor", ERROR)),
-        (70, level("motor", OK), "recovered component/critical r1 motor"),
+        (70, level("motor", OK), f"recovered {CRITICAL}"),
     )
 
 
@@ -132,8 +135,8 @@ def test_restarts_are_no_coming_and_going_of_robots():
 def test_what_is_absent_after_a_return_waits_for_the_robots_time_over_a_restart_too():
     play(
         (0, silent()),
-        (10, None, "began robot/silent r1"),
-        (20, back("r1", level("motor", STALE, confirm_after=3)), "recovered robot/silent r1"),
+        (10, None, f"began {SILENT}"),
+        (20, back("r1", level("motor", STALE, confirm_after=3)), f"recovered {SILENT}"),
         (25, check(2, 2)),
         (29, None),
         (30, None, "began component/stale r1 motor"),
@@ -163,7 +166,7 @@ def test_silence_is_dated_from_the_earlier_of_two_last_messages_until_it_is_conf
         (0, silent(last=-3)),
         (1, silent(last=-5)),
         (2, silent(last=-4)),
-        (10, None, "began robot/silent r1"),
+        (10, None, f"began {SILENT}"),
         (11, silent(last=-8)),
     )
     assert [each.since - WALL for each in last.faults.faults()] == [-5]
@@ -186,7 +189,7 @@ def test_a_wall_clock_that_was_set_back_over_a_restart_confirms_nothing_earlier(
     last.reborn(40, set_back=30)
     assert [each.since - WALL for each in last.faults.faults()] == [20]
     assert texts(last.go(19)) == []
-    assert texts(last.go(20)) == ["began component/critical r1 motor"]
+    assert texts(last.go(20)) == [f"began {CRITICAL}"]
     assert [each.since - WALL for each in last.faults.faults()] == [20, 10]
 
 
@@ -217,8 +220,8 @@ def test_a_check_that_finds_too_few_components_is_a_fault_until_it_finds_them():
         (0, check(1, 2)),
         (10, None, "began check/critical r1 motors"),
         (20, silent()),
-        (30, None, "began robot/silent r1"),
-        (40, back("r1", check(1, 2)), "recovered robot/silent r1"),
+        (30, None, f"began {SILENT}"),
+        (40, back("r1", check(1, 2)), f"recovered {SILENT}"),
         (60, check(2, 2), "recovered check/critical r1 motors"),
     )
 
@@ -226,15 +229,10 @@ def test_a_check_that_finds_too_few_components_is_a_fault_until_it_finds_them():
 def test_what_was_well_in_a_window_and_is_silent_at_its_end_ends_when_it_is_received():
     play(
         (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
+        (10, None, f"began {CRITICAL}"),
         (20, maintenance(planned=True)),
         (30, level("motor", OK)),
         (40, silent()),
-        (80, maintenance(planned=False), "began robot/silent r1"),
-        (
-            90,
-            back("r1", level("motor", OK)),
-            "recovered robot/silent r1",
-            "recovered component/critical r1 motor",
-        ),
+        (80, maintenance(planned=False), f"began {SILENT}"),
+        (90, back("r1", level("motor", OK)), f"recovered {SILENT}", f"recovered {CRITICAL}"),
     )

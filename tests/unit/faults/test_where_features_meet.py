@@ -170,11 +170,7 @@ def test_what_is_well_in_time_is_no_fault_after_a_boot():
         (0, booting(120.0)),
         (10, silent()),
         (20, None, "began robot/silent r1"),
-        (
-            60,
-            back("r1", boots(UPPER, WARN, is_first=True)),
-            "recovered robot/silent r1",
-        ),
+        (60, back("r1", boots(UPPER, WARN, is_first=True)), "recovered robot/silent r1"),
         (170, level(UPPER, OK)),
         (1000, None),
     )

@@ -3,7 +3,6 @@
 import json
 import logging
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from ros_diagnostics_exporter.web.pages import landing, missing_robot, robot_pag
 from ros_diagnostics_tools.check_nagios import check
 from ros_diagnostics_tools.commands.status import view
 from ros_diagnostics_tools.main import main
+from support.called import called
 from support.web_server import broken, component, problem, robot
 from support.web_server import fleet as fleet_of
 
@@ -190,8 +190,6 @@ def test_the_documented_jq_line_prints_only_printable_text():
     ]
     event = {"after": "ERROR", "time": 1, "robot": "r", "component": "c", "message": AWKWARD}
     answer = json.dumps({"events": [event]})
-    done = subprocess.run(
-        ["sh", "-c", line], input=answer, capture_output=True, text=True, check=True
-    )
+    done = called(["sh", "-c", line], input=answer, check=True)
     assert done.stdout.rstrip("\n").isprintable()
     assert json.loads(done.stdout) == [1, "r", "c", AWKWARD]

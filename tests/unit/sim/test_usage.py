@@ -1,10 +1,10 @@
 """Wrong usage of the command: a sentence and an exit code, before anything is published."""
 
-import subprocess
 import sys
 
 import pytest
 
+from support.called import called
 from virtual_robots.cli import main
 
 
@@ -13,9 +13,7 @@ def test_without_ros_a_sentence_says_how_to_get_it():
         "import sys; sys.modules['rclpy'] = None\n"
         "from virtual_robots.cli import main; sys.exit(main(['--robots', '1']))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
-    )
+    done = called([sys.executable, "-c", code], timeout=60)
     assert done.returncode == 1
     assert "ROS 2 cannot be imported" in done.stderr
     assert f"{sys.executable} -m pip install " in done.stderr

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
 
@@ -12,6 +11,7 @@ import pytest
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.commands import test_page
 from ros_diagnostics_tools.main import COMMANDS, command, main
+from support.called import called
 from support.web_server import component, fleet, robot
 
 FLEET = fleet(robot("robot_1", component("Motor 1", "OK"), labels={"site": "hall", "team": "arms"}))
@@ -72,9 +72,7 @@ def test_completion_names_the_subcommands_without_importing_them():
         "print([each.value for each in found])\n"
         "print([each for each in sys.modules if each.startswith('ros_diagnostics_tools.commands')])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
+    done = called([sys.executable, "-c", code], check=True, timeout=60)
     assert done.stdout.splitlines() == ["['downtime']", "[]"]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter import __version__
+from support.called import called
 from support.newcomer import IGNORED
 from testbed.configuration import CHECKOUT
 
@@ -65,12 +66,9 @@ def release(source: Path) -> subprocess.CompletedProcess[str]:
     for name, text in PROGRAMS.items():
         (programs / name).write_text(f"#!/bin/sh\n{text}\n")
         (programs / name).chmod(0o755)
-    return subprocess.run(
+    return called(
         [source / "packaging" / "release", source / "dist"],
         env=os.environ | {"PATH": f"{programs}:{os.environ['PATH']}"},
-        capture_output=True,
-        text=True,
-        check=False,
     )
 
 

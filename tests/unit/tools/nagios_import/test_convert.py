@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,7 @@ from ros_diagnostics_tools.nagios.importer.convert import (
 )
 from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.robots import UPLINK_QUERY
+from support.called import called
 from support.existing_site import ALERTMANAGER as EXISTING
 from support.existing_site import added
 
@@ -117,9 +117,7 @@ def alertmanager(made, tmp_path_factory) -> Path:
 
 
 def test_the_routes_load_with_the_shipped_ones(alertmanager):
-    done = subprocess.run(
-        ["amtool", "check-config", alertmanager], check=False, capture_output=True, text=True
-    )
+    done = called(["amtool", "check-config", alertmanager])
 
     assert done.returncode == 0, done.stderr
 
@@ -152,7 +150,7 @@ def test_the_routes_load_with_the_shipped_ones(alertmanager):
 )
 def test_contacts_receive_what_they_did(alertmanager, labels, receivers):
     command = ["amtool", "config", "routes", "test", f"--config.file={alertmanager}"]
-    done = subprocess.run([*command, *labels.split()], check=True, capture_output=True, text=True)
+    done = called([*command, *labels.split()], check=True)
 
     assert done.stdout.strip().replace("nagios-", "") == receivers
 

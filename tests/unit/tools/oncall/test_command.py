@@ -3,7 +3,6 @@
 import json
 import re
 import stat
-import subprocess
 import sys
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
@@ -15,6 +14,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.extras import install_command
+from support.called import called
 from support.shipped_rules import run_tool
 
 Run = Callable[..., tuple[int, str, str]]
@@ -322,9 +322,7 @@ def test_without_the_library_all_but_the_calendar_works(run: Run, folder: Path):
 
     def without(*arguments: str) -> tuple[int, str]:
         argv = [sys.executable, "-c", WITHOUT, *arguments]
-        done = subprocess.run(
-            argv, cwd=folder, capture_output=True, text=True, timeout=60, check=False
-        )
+        done = called(argv, cwd=folder, timeout=60)
         return done.returncode, done.stderr
 
     assert without(*CHECK) == (0, "")
