@@ -12,15 +12,18 @@ Planned STALE and maintenance are listed and do not count.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import math
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.fleet_texts import maintenance_text, span
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     ShownProblem,
@@ -31,7 +34,6 @@ from ros_diagnostics_exporter.severity import (
     silent_text,
 )
 from ros_diagnostics_exporter.texts import first_few, one_line
-from ros_diagnostics_tools.connection_flags import add_arguments, make_client
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
 LISTS = ("CRITICAL", "STALE", "WARNING", "OK")  # in the order of the output, worst first
@@ -41,6 +43,13 @@ MAX_LISTED = 20  # sensors of one list
 MAX_MESSAGE = 80  # characters of a sensor's message
 MAX_VALUES = 50  # in the performance data
 MAX_PERFORMANCE = 3_900  # characters of them
+FILES = {
+    "--password-file": "the user's password, in one line",
+    "--ca-file": "CA of the exporter's certificate",
+    "--cert-file": "client certificate, with --key-file",
+    "--key-file": "key of --cert-file",
+}
+CONNECTION = ("url", "timeout", "user", "password_file", "ca_file", "cert_file", "key_file")
 # Units that the guidelines know for performance data; any other goes into the label.
 UNITS = {"s": "s", "ms": "ms", "us": "us", "%": "%", "B": "B", "kB": "KB", "MB": "MB", "TB": "TB"}
 
@@ -67,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.setitimer(signal.ITIMER_REAL, options.timeout)
     try:
         code, line = check(
-            make_client(options).fleet((options.robot,)),
+            Client(**{name: getattr(options, name) for name in CONNECTION}).fleet((options.robot,)),
             options.robot,
             options.name,
             confirmed=options.confirmed,
@@ -294,8 +303,33 @@ def _parser() -> argparse.ArgumentParser:
         help="only what the exporter has confirmed counts; for services with max_check_attempts 1",
     )
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {__version__}")
-    add_arguments(parser)
+    group = parser.add_argument_group("exporter")
+    url = "http://127.0.0.1:9877"
+    group.add_argument("-u", "--url", default=url, help="of the exporter (default: %(default)s)")
+    group.add_argument("--user", help="for basic auth")
+    for flag, text in FILES.items():
+        group.add_argument(flag, type=Path, metavar="FILE", help=text)
+    group.add_argument(
+        "-t",
+        "--timeout",
+        type=_seconds,
+        default=10.0,
+        metavar="SECONDS",
+        help="how long to wait for a response (default: %(default)g)",
+    )
     return parser
+
+
+def _seconds(text: str) -> float:
+    """The value of a flag that takes seconds, above 0.
+
+    Raises:
+        argparse.ArgumentTypeError: It is not such a number.
+    """
+    with contextlib.suppress(ValueError):
+        if 0 < (number := float(text)) < math.inf:
+            return number
+    raise argparse.ArgumentTypeError(f"{text!r} is not a duration; give seconds, as 10 or 0.5")
 
 
 if __name__ == "__main__":

@@ -52,7 +52,6 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         (
             "capability_losses",
             "capability_notes",
-            "connection_flags",
             "errors",
             "limits",
             "terminal",

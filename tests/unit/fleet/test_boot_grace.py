@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.regex import Pattern
 from support.state_driver import ERROR, OK, SETTLED, STALE, WARN, StateDriver, tree
 
+BLIND, FINE, MOTOR = Status(ERROR, "Lidar"), Status(OK, "Lidar"), Status(OK, "Motor")
 CRITICAL = ("component", "critical", "r", "Lidar")
 LOW = ValueRule(key=Pattern("charge"), thresholds=(Threshold("low", "critical", 10.0),))
 TOO_LOW = ("value", "critical", "r", "Battery", "charge", "low")
@@ -25,31 +26,26 @@ TOO_LOW = ("value", "critical", "r", "Battery", "charge", "low")
 
 def booted(*statuses: Status, **profile) -> StateDriver:
     """A robot with a boot_grace of two minutes that is back after a silence, with these."""
-    driver = StateDriver(boot_grace=120.0, **profile)
-    driver.raw_every(1, SETTLED, Status(OK, "Lidar"), Status(OK, "Motor"))
+    driver = StateDriver(boot_grace=120.0, **profile).raw_every(1, SETTLED, FINE, MOTOR)
     assert driver.at(SETTLED + 60).fault_names() == {("robot", "silent", "r")}
     driver.raw_every(1, SETTLED + 61, *statuses)
     return driver
 
 
 def test_drivers_that_report_error_until_they_are_up_are_no_fault():
-    driver = booted(Status(ERROR, "Lidar"), Status(OK, "Motor"))
-    driver.raw_every(1, SETTLED + 170, Status(ERROR, "Lidar"), Status(OK, "Motor"))
-    assert driver.fault_names() == set()
-    driver.raw_every(1, SETTLED + 300, Status(OK, "Lidar"), Status(OK, "Motor"))
-    assert driver.fault_names() == set()
+    driver = booted(BLIND, MOTOR)
+    assert driver.raw_every(1, SETTLED + 170, BLIND, MOTOR).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 300, FINE, MOTOR).fault_names() == set()
 
 
 def test_what_is_still_wrong_after_it_is_a_fault():
-    driver = booted(Status(ERROR, "Lidar"), Status(OK, "Motor"))
-    driver.raw_every(1, SETTLED + 185, Status(ERROR, "Lidar"), Status(OK, "Motor"))
-    assert driver.fault_names() == {CRITICAL}
+    driver = booted(BLIND, MOTOR)
+    assert driver.raw_every(1, SETTLED + 185, BLIND, MOTOR).fault_names() == {CRITICAL}
 
 
 def test_what_was_ok_and_then_fails_has_no_grace():
-    driver = booted(Status(OK, "Lidar"), Status(OK, "Motor"))
-    driver.raw_every(1, SETTLED + 75, Status(ERROR, "Lidar"), Status(OK, "Motor"))
-    assert driver.fault_names() == {CRITICAL}
+    driver = booted(FINE, MOTOR)
+    assert driver.raw_every(1, SETTLED + 75, BLIND, MOTOR).fault_names() == {CRITICAL}
 
 
 def test_a_value_that_is_low_from_the_first_message_on_has_it_too():
@@ -66,8 +62,7 @@ def battery(charge: str, level: int = OK) -> Status:
 def test_a_value_that_was_low_before_the_silence_has_it_too():
     driver = StateDriver(boot_grace=120.0, values=(LOW,)).raw_every(1, SETTLED, battery("50"))
     driver.raw_every(1, SETTLED + 3, battery("5"))
-    driver.at(SETTLED + 60)
-    assert driver.raw_every(1, SETTLED + 170, battery("5")).fault_names() == set()
+    assert driver.at(SETTLED + 60).raw_every(1, SETTLED + 170, battery("5")).fault_names() == set()
     assert driver.raw_every(1, SETTLED + 190, battery("5")).fault_names() == {TOO_LOW}
 
 
@@ -77,27 +72,25 @@ def test_a_value_that_is_well_first_has_none_whatever_the_level():
 
 
 def test_what_was_ok_in_between_has_no_grace():
-    driver = booted(Status(ERROR, "Lidar")).raw_every(1, SETTLED + 65, Status(OK, "Lidar"))
-    assert driver.raw_every(1, SETTLED + 80, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    driver = booted(BLIND).raw_every(1, SETTLED + 65, FINE)
+    assert driver.raw_every(1, SETTLED + 80, BLIND).fault_names() == {CRITICAL}
 
 
 def test_it_goes_on_where_a_condition_is_not_known_with_the_first_message():
     mode = Status(OK, "Mode", values=(("mode", "auto"),))
     when = Condition(component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("auto"),))
     rule = ComponentRule(pattern=Pattern("Lidar"), when=(when,))
-    driver = StateDriver(boot_grace=120.0, components=(rule,))
-    driver.raw_every(1, SETTLED, Status(OK, "Lidar"), mode)
+    driver = StateDriver(boot_grace=120.0, components=(rule,)).raw_every(1, SETTLED, FINE, mode)
     driver.at(SETTLED + 60)
-    driver.raw_every(1, SETTLED + 63, Status(ERROR, "Lidar"))
-    assert driver.raw_every(1, SETTLED + 170, Status(ERROR, "Lidar"), mode).fault_names() == set()
-    driver.raw_every(1, SETTLED + 185, Status(ERROR, "Lidar"), mode)
-    assert driver.fault_names() == {CRITICAL}
+    driver.raw_every(1, SETTLED + 63, BLIND)
+    assert driver.raw_every(1, SETTLED + 170, BLIND, mode).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 185, BLIND, mode).fault_names() == {CRITICAL}
 
 
 @pytest.mark.parametrize("source", [Source.RAW, Source.AGG])
 def test_what_is_stale_from_the_first_message_on_has_it_too(source):
     """A driver that is not up yet publishes nothing, or its aggregator says STALE of it."""
-    motor, lidar = Status(OK, "Motor"), Status(OK, "Lidar")
+    motor, lidar = MOTOR, FINE
     driver = StateDriver(source, boot_grace=120.0)
     stale = {("component", "stale", "r", *(["/Parts"] if source is Source.AGG else []), "Lidar")}
 
@@ -119,8 +112,7 @@ def test_many_components_of_a_robot_that_boots_are_no_fault():
     parts = [Status(OK, f"part {number}") for number in range(20)]
     broken = [each._replace(level=ERROR) for each in parts[:12]] + parts[12:]
     driver = StateDriver(boot_grace=120.0).raw_every(1, SETTLED, *parts)
-    driver.at(SETTLED + 60)
-    assert driver.raw_every(1, SETTLED + 178, *broken).fault_names() == set()
+    assert driver.at(SETTLED + 60).raw_every(1, SETTLED + 178, *broken).fault_names() == set()
     driver.raw_every(1, SETTLED + 200, *broken)
     assert driver.fault_names() == {("robot", "many", "r", "critical")}
 
@@ -153,13 +145,13 @@ def test_many_robots_that_boot_together_have_no_common_fault():
 
 
 def test_a_restart_of_the_exporter_is_no_boot_of_the_robot(tmp_path):
-    driver = StateDriver(boot_grace=120.0).raw_every(1, SETTLED, Status(OK, "Lidar"))
-    again = driver.raw_every(1, SETTLED + 5, Status(ERROR, "Lidar")).again(tmp_path / "state")
-    assert again.raw_every(1, 15, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    driver = StateDriver(boot_grace=120.0).raw_every(1, SETTLED, FINE)
+    again = driver.raw_every(1, SETTLED + 5, BLIND).again(tmp_path / "state")
+    assert again.raw_every(1, 15, BLIND).fault_names() == {CRITICAL}
 
 
 def test_it_goes_on_after_a_restart_of_the_exporter(tmp_path):
-    statuses = Status(ERROR, "Lidar"), Status(OK, "Motor"), battery("5")
+    statuses = BLIND, MOTOR, battery("5")
     driver = booted(*statuses, values=(LOW,)).raw_every(1, SETTLED + 80, *statuses)
     again = driver.again(tmp_path / "state")  # 20 s of it are over, and 5 without an exporter
     assert again.raw_every(1, 90, *statuses).fault_names() == set()
@@ -168,14 +160,13 @@ def test_it_goes_on_after_a_restart_of_the_exporter(tmp_path):
 
 def test_what_was_there_when_the_exporter_began_to_listen_has_not_booted():
     driver = StateDriver(boot_grace=120.0)  # it knows nothing of before
-    driver.graph("a")
-    assert driver.raw_every(1, 50, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    assert driver.graph("a").raw_every(1, 50, BLIND).fault_names() == {CRITICAL}
 
 
 def test_a_robot_that_comes_after_the_exporter_boots():
     driver = StateDriver(boot_grace=120.0).at(SETTLED)
-    assert driver.raw_every(1, SETTLED + 110, Status(ERROR, "Lidar")).fault_names() == set()
-    assert driver.raw_every(1, SETTLED + 130, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    assert driver.raw_every(1, SETTLED + 110, BLIND).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 130, BLIND).fault_names() == {CRITICAL}
 
 
 def test_no_robot_boots_because_its_domain_can_be_joined_at_last():
@@ -184,8 +175,7 @@ def test_no_robot_boots_because_its_domain_can_be_joined_at_last():
     driver.state.domain_failed(0, "no interface", driver.now)
     driver.at(600)
     driver.state.domain_joined(0)
-    driver.graph("a")
-    assert driver.raw_every(1, 690, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    assert driver.graph("a").raw_every(1, 690, BLIND).fault_names() == {CRITICAL}
 
 
 def test_a_value_whose_condition_is_not_known_with_the_first_message_has_it_too():
@@ -200,11 +190,9 @@ def test_a_value_whose_condition_is_not_known_with_the_first_message_has_it_too(
 def test_what_reports_only_changes_has_it_with_what_it_says_first_after_the_silence():
     """That it was OK before is nothing that it said since."""
     rule = ComponentRule(pattern=Pattern("Lidar"), reports="on_change")
-    driver = booted(Status(OK, "Motor"), components=(rule,))
-    driver.raw_every(1, SETTLED + 70, Status(OK, "Motor"))
-    driver.raw(Status(ERROR, "Lidar"))
-    assert driver.raw_every(1, SETTLED + 170, Status(OK, "Motor")).fault_names() == set()
-    assert driver.raw_every(1, SETTLED + 190, Status(OK, "Motor")).fault_names() == {CRITICAL}
+    driver = booted(MOTOR, components=(rule,)).raw_every(1, SETTLED + 70, MOTOR)
+    assert driver.raw(BLIND).raw_every(1, SETTLED + 170, MOTOR).fault_names() == set()
+    assert driver.raw_every(1, SETTLED + 190, MOTOR).fault_names() == {CRITICAL}
 
 
 def test_no_robot_boots_because_a_reload_has_it():
@@ -213,4 +201,4 @@ def test_no_robot_boots_because_a_reload_has_it():
     driver.state.configure(replace(fleet, robots=()), driver.now)
     driver.at(600)
     driver.state.configure(fleet, driver.now)
-    assert driver.raw_every(1, 650, Status(ERROR, "Lidar")).fault_names() == {CRITICAL}
+    assert driver.raw_every(1, 650, BLIND).fault_names() == {CRITICAL}

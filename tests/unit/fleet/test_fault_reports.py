@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.model import Downtime, Endpoint, Status
 from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, raw_fleet, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
+CRITICAL = ("component", "critical", "r", "Motor")
 HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
 
 
@@ -71,12 +72,12 @@ def test_config_says_when_stale_is_critical_and_what_a_level_counts_as():
 def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
     rule = ComponentRule(re.compile("Motor"), confirm_after=3.0)
     driver = settled(MOTOR, components=(rule,))
-    assert driver.stand(5, HOT).fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.stand(5, HOT).fault_names() == {CRITICAL}
     driver.raw(MOTOR)
     reloaded(driver, components=(replace(rule, confirm_after=60.0),))
     assert driver.stand(50, HOT).fault_names() == set()
     reloaded(driver, components=(rule,))
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.fault_names() == {CRITICAL}
 
 
 def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
@@ -200,8 +201,7 @@ def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
 
 def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
-    driver = StateDriver(fleet=Fleet("f", (robot,))).raw_every(1, SETTLED, MOTOR)
-    driver.stand(12, WARM)
+    driver = StateDriver(fleet=Fleet("f", (robot,))).raw_every(1, SETTLED, MOTOR).stand(12, WARM)
     driver.state.forget("r", "Motor", driver.now)
     found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
     assert found == [
@@ -262,20 +262,18 @@ def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
 def test_a_raw_robot_that_falls_silent_has_no_stale_component_before():
     """A component is late after 5 s, its robot silent after 20 s."""
     driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0).stand(10, HOT, LASER)
-    critical = ("component", "critical", "r", "Motor")
-    assert driver.fault_names() == {critical}
+    assert driver.fault_names() == {CRITICAL}
     last = driver.now.mono - 1
     assert (driver.at(last + 10).level("Motor"), driver.level("Laser")) == (STALE, STALE)
-    assert driver.at(last + 22).fault_names() == {critical}
-    assert driver.at(last + 24).fault_names() == {critical, ("robot", "silent", "r")}
+    assert driver.at(last + 22).fault_names() == {CRITICAL}
+    assert driver.at(last + 24).fault_names() == {CRITICAL, ("robot", "silent", "r")}
 
 
 def test_a_raw_component_that_is_late_is_stale_once_another_is_received_after_that():
     driver = settled(MOTOR, LASER, stale_after=60.0, confirm_after=3.0)
     last = driver.now.mono - 1
     assert driver.at(last + 30).fault_names() == set()
-    driver.raw(LASER)
-    assert driver.at(last + 32).level("Motor") == STALE
+    assert driver.raw(LASER).at(last + 32).level("Motor") == STALE
     assert driver.fault_names() == set()  # its confirm_after
     assert driver.at(last + 34).fault_names() == {("component", "stale", "r", "Motor")}
 
@@ -340,8 +338,7 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(com
     if component != "Motor":
         driver.at(140)  # switched off
     assert driver.fault_names() == set()
-    driver.raw_every(1, 155, HOT, LASER)
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.raw_every(1, 155, HOT, LASER).fault_names() == {CRITICAL}
 
 
 def test_a_robot_that_is_awaited_in_maintenance_is_pending_after_it():
@@ -358,8 +355,7 @@ def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(compon
     after = before.raw_every(1, 5, MOTOR, LASER).again(tmp_path / "exporter.db")
 
     assert after.raw_every(1, 149, HOT, LASER).fault_names() == set()
-    after.raw_every(1, 152, HOT, LASER)
-    assert after.fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.raw_every(1, 152, HOT, LASER).fault_names() == {CRITICAL}
 
 
 def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
@@ -416,8 +412,7 @@ def test_a_stale_component_that_counts_as_ok_confirms_no_value():
 
 @pytest.mark.parametrize("last", [volt("9"), MOTOR], ids=["published", "missing"])
 def test_a_fault_goes_with_its_threshold(last):
-    driver = settled(volt("12"), values=(LOW,)).stand(12, volt("9"))
-    driver.stand(1, last)
+    driver = settled(volt("12"), values=(LOW,)).stand(12, volt("9")).stand(1, last)
     reloaded(driver, stale_after=11.0)
     assert driver.fault_names() == {BELOW}
     reloaded(driver, values=())
@@ -495,12 +490,12 @@ def without_database(driver: StateDriver) -> StateDriver:
 def test_without_its_database_a_process_goes_on_with_what_fires():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     before.at(before.now.mono + 100)
-    lost = {("component", "critical", "r", "Motor"), ("robot", "silent", "r")}
+    lost = {CRITICAL, ("robot", "silent", "r")}
     assert before.fault_names() == lost
     after = without_database(before)
     assert after.at(after.now.mono + 1_000).fault_names() == lost  # and it is not pending
     assert after.state.faults() == before.state.faults()
-    assert after.raw(HOT, LASER).fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.raw(HOT, LASER).fault_names() == {CRITICAL}
     assert after.raw(MOTOR, LASER).fault_names() == set()
     ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
     assert ends == {"silent": "", "critical": "OK"}
@@ -512,7 +507,7 @@ def test_a_person_forgets_what_fires_of_components_that_were_never_received_here
     after.state.forget("no such", None, after.now)
     after.at(after.now.mono + 1_000)
     pending = {("robot", "pending", "r")}
-    assert after.fault_names() == {("component", "critical", "r", "Motor")} | pending
+    assert after.fault_names() == {CRITICAL} | pending
     after.state.forget("r", None, after.now)
     assert after.fault_names() == pending
     assert [end.reason for end in after.state.served()[1] if end.fault] == ["removed"]
@@ -522,7 +517,7 @@ def test_a_person_forgets_one_component_that_was_never_received_here():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
     assert after.state.forget("r", "Motor", after.now) == 1
-    assert ("component", "critical", "r", "Motor") not in after.fault_names()
+    assert CRITICAL not in after.fault_names()
     with pytest.raises(LookupError, match="has no component 'Motor'"):
         after.state.forget("r", "Motor", after.now)
 
@@ -530,7 +525,7 @@ def test_a_person_forgets_one_component_that_was_never_received_here():
 def test_what_fires_of_a_component_that_the_config_ignores_now_ends_at_the_reload():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
-    assert after.raw_every(1, 60, LASER).fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.raw_every(1, 60, LASER).fault_names() == {CRITICAL}
     reloaded(after, components=(ComponentRule(re.compile("Motor"), ignore=True),))
     assert after.fault_names() == set()
 
@@ -542,7 +537,7 @@ def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
     after.at(after.now.mono + 1_000)  # its robot is silent
     begin = after.now.mono
     after.raw_every(1, begin + 115, LASER)  # of which the first minute does not count
-    assert ("component", "critical", "r", "Motor") in after.fault_names()
+    assert CRITICAL in after.fault_names()
     assert after.raw_every(1, begin + 125, LASER).fault_names() == set()
 
 
@@ -610,16 +605,14 @@ def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
 
 
 def test_a_fault_survives_a_restart_until_the_component_is_received_better():
-    before = StateDriver(confirm_after=10.0).raw_every(1, SETTLED, MOTOR)
-    before.stand(12, HOT)
+    before = StateDriver(confirm_after=10.0).raw_every(1, SETTLED, MOTOR).stand(12, HOT)
     after = restarted(before, before.fault_rows())
-    critical = {("component", "critical", "r", "Motor")}
-    assert after.fault_names() == critical
+    assert after.fault_names() == {CRITICAL}
     assert after.state.faults() == before.state.faults()
     assert not after.state.settled(after.now)
     after.at(after.now.mono + 20)
-    assert after.fault_names() == critical  # nothing received yet, within restart_grace
-    assert after.stand(20, HOT).fault_names() == critical
+    assert after.fault_names() == {CRITICAL}  # nothing received yet, within restart_grace
+    assert after.stand(20, HOT).fault_names() == {CRITICAL}
     assert after.state.settled(after.now)
     assert after.raw(MOTOR).fault_names() == set()
 
@@ -632,14 +625,13 @@ def test_a_component_that_never_returns_after_a_restart_is_stale():
 
 
 def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
-    before = StateDriver(confirm_after=60.0).raw_every(1, SETTLED, MOTOR)
-    before.stand(70, HOT)
+    before = StateDriver(confirm_after=60.0).raw_every(1, SETTLED, MOTOR).stand(70, HOT)
     after = restarted(before, [])
     after.at(after.now.mono + 20)  # until the robot is received
     while not after.fault_names():
         assert not after.state.settled(after.now)
         after.stand(1, HOT)
-    assert after.fault_names() == {("component", "critical", "r", "Motor")}
+    assert after.fault_names() == {CRITICAL}
     after.stand(20, HOT)
     assert after.state.settled(after.now)
 
@@ -721,7 +713,7 @@ def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
     driver = settled(Status(OK, "Motor a"), Status(OK, "Motor b"))
     driver.state.plan([planned("Motor~2", 0)], driver.now)
     driver.stand(12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.fault_names() == {CRITICAL}
     suppressed = {
         each.identity.component: each.suppressed for each in driver.state.problems(driver.now, "r")
     }
@@ -763,7 +755,7 @@ def test_a_row_that_cannot_be_restored_is_named_and_harms_no_other(row):
     driver = settled(MOTOR)
     rows = driver.stand(12, HOT).fault_rows()
     assert driver.state.restore_faults([*rows, row], driver.now) == [row]
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
+    assert driver.fault_names() == {CRITICAL}
 
 
 def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
