@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     ValueReport,
     as_texts,
+    severity_of,
 )
 from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
 from ros_diagnostics_exporter.model import Level
@@ -59,6 +60,7 @@ BOOT_GRACE = {"r3": 30.0, "r4": 60.0}  # of two robots; the others have none
 # A problem that nothing explains is a fault this long after it is due: see `suppression.latest`,
 # and once more for what an explanation that was never a fault leaves behind it.
 PATIENCE = 2 * 60.0 + CONFIRM
+LONG = 40  # seconds after which what many have in common is a fault
 WAITS = 60.0  # seconds for which what is no fault yet may suppress what is due
 REPAIRED = 3600.0  # seconds after all was repaired in which each fault ends
 COMPONENTS = {
@@ -172,20 +174,27 @@ class World:
     silent_since: dict[str, float] = field(default_factory=dict)
     own: OwnParts = field(default_factory=OwnParts)
     clock_set_at: float = -inf  # when the wall clock was last set
+    over_at: dict[Identity, float] = field(default_factory=dict)  # when a fault last ended
+    planned_at: dict[str, float] = field(default_factory=dict)  # when a downtime began or ended
+    forgotten: tuple[str, str] | None = None  # a component that a person takes out now
 
     def engine(self, *happened: Event) -> None:
         """Let time pass, then these; nothing begins or ends that may not."""
         self._changed(self.player.go(self.second, *happened))
 
     def _changed(self, changes: Iterable[Change]) -> None:
-        for what, fault, _at in changes:
-            at = fault.confirmed - WALL - self.player.clock_set
+        changes = list(changes)
+        over = {fault.identity for what, fault, _at in changes if what != "began"}
+        for what, fault, wall in changes:
+            at = wall - WALL - self.player.clock_set
             if fault.identity.scope is Scope.EXPORTER:
                 self._own_changed(what, fault, at)
             elif what == "began":
                 self._began(fault.identity, at)
+                self._assert_unexplained(fault.identity, at, over)
             else:
                 self._ended(fault.identity, recovered=what == "recovered")
+                self.over_at[fault.identity] = at
 
     def _began(self, identity: Identity, at: float) -> None:
         """A fault of something that was due and that no downtime covers; and of that just one."""
@@ -212,6 +221,18 @@ class World:
                 fewest, within = intermittent.changes, intermittent.within
             lately = [each for each in known.changes if each > at - within - FLAP_INTERVAL]
             assert len(lately) >= fewest, f"began with {len(lately)} changes: {identity}"
+
+    def _assert_unexplained(self, identity: Identity, at: float, over: set[Identity]) -> None:
+        """No larger fault says it already, or did until just now."""
+        larger = {each for each in self.lasting if each is not identity and _says(each, identity)}
+        assert larger <= over, f"began although {larger - over} says it: {identity}"
+        if self.clock_set_at > -inf or identity.robot in self.planned:
+            return
+        for each, ended in self.over_at.items():
+            planned_at = self.planned_at.get(identity.robot, -inf)
+            is_just_over = ended <= at < ended + CONFIRM - 0.01 and planned_at < ended
+            is_cause = each.scope in (Scope.SITE, Scope.COMMON)
+            assert not (is_cause and is_just_over and _says(each, identity)), (each, identity)
 
     def _value_began(self, identity: Identity, at: float) -> None:
         charge = self.charges[identity.robot]
@@ -241,6 +262,8 @@ class World:
         assert identity in self.lasting, f"ended twice: {identity}"
         self.lasting.remove(identity)
         if not recovered:
+            is_taken_out = (identity.robot, identity.component) == self.forgotten
+            assert is_taken_out, f"removed by nobody: {identity}"
             return
         assert not self._is_planned(identity), f"recovered in a downtime: {identity}"
         if identity.scope is Scope.COMPONENT:
@@ -372,6 +395,24 @@ class World:
         for robot in ROBOTS:
             self.array(robot, {name: level})
 
+    def everywhere_but(self, robot: str, name: str) -> None:
+        """The same component of all robots fails, and is repaired but for that of one."""
+        self.everywhere(name, ERROR)
+        self.second += LONG
+        self.engine()
+        for each in ROBOTS:
+            if each != robot:
+                self.array(each, {name: OK})
+
+    def outage(self, robot: str) -> None:
+        """All robots fall silent, and are back but for one."""
+        self.silent(ROBOTS)
+        self.second += LONG
+        self.engine()
+        for each in ROBOTS:
+            if each != robot:
+                self.back(each)
+
     def all_of(self, robot: str, level: Level) -> None:
         """All components of a robot."""
         self.array(robot, dict.fromkeys(COMPONENTS, level))
@@ -431,7 +472,7 @@ class World:
         )
 
     def _begin_anew(self, robot: str, chosen: Iterable[str]) -> None:
-        self.charges[robot].since = self.second
+        self.charges[robot].since = self.planned_at[robot] = self.second
         for name in chosen:
             known = self.truth.setdefault((robot, name), Truth())
             known.since = self.second
@@ -477,6 +518,19 @@ class World:
         self.engine()  # what was due before it
         self.player.clock_set += seconds
         self.clock_set_at = self.second
+
+    def forget(self, robot: str, name: str) -> None:
+        """A person takes out a component, which is new if its robot reports it again."""
+        self.engine()  # what was due before it
+        self.forgotten = robot, name
+        component = ComponentName("", name)
+        self.engine(lambda faults, now: faults.forget_component(robot, component, now))
+        left = {each for each in self.lasting if (each.robot, each.component) == self.forgotten}
+        assert not left, f"was taken out, and lasts: {left}"
+        self.forgotten = None
+        self.received.discard((robot, name))
+        former = self.truth.pop((robot, name), Truth())
+        self.array(robot, {name: former.level})
 
     def own_part(self, part: str, level: Level | None) -> None:
         """A part of the exporter is so from now on; None: there is none any more."""
@@ -561,6 +615,22 @@ class World:
         return self._is_reported(view.by, views, lasting)
 
 
+def _says(larger: Identity, identity: Identity) -> bool:
+    """Whether a fault says that another one is there, while both last."""
+    scope, is_component = larger.scope, identity.scope in (Scope.COMPONENT, Scope.FLAPPING)
+    if scope is Scope.SITE:
+        return identity.scope is Scope.ROBOT and identity.state in (State.SILENT, State.FLAPPING)
+    if scope is Scope.COMMON:
+        return is_component and identity.component == larger.component
+    if larger.robot != identity.robot:
+        return False
+    if larger.state is State.MANY:
+        is_as_severe = "critical" in (larger.severity, "") or severity_of(identity) == "warning"
+        return is_component and is_as_severe
+    flaps = scope is Scope.FLAPPING and larger.state is State.FLAPPING
+    return flaps and identity.scope is Scope.COMPONENT and identity.component == larger.component
+
+
 def _configured(robot: str) -> Event:
     labels = {"site": "hall"} if robot == UPLINK else {"site": "hall", "uplink": UPLINK}
     how = RobotSettings(labels, CONFIRM, boot_grace=BOOT_GRACE.get(robot, 0.0))
@@ -632,6 +702,9 @@ def _extra_event(random: Random) -> tuple[Any, ...]:
         (
             *(charge, charge, charge),
             ("flaps", robot, name, times, period, random.choice((WARN, ERROR))),
+            ("forget", robot, name),
+            ("everywhere_but", robot, name),
+            ("outage", robot),
             ("clock", random.choice((-3600.0, -30.0, 30.0, 3600.0, 5 * 86_400.0))),
             ("own_part", random.choice(list(OWN_PARTS)), random.choice((OK, WARN, ERROR, STALE))),
         )

@@ -39,6 +39,8 @@ events = st.one_of(
         *(st.just("flaps"), robots, names, st.integers(2, 20), st.integers(1, 16)),
         st.sampled_from((WARN, ERROR)),
     ),
+    st.tuples(st.sampled_from(("forget", "everywhere_but")), robots, names),
+    st.tuples(st.just("outage"), robots),
     st.tuples(st.just("clock"), st.sampled_from((-3600.0, -30.0, 30.0, 3600.0, 432_000.0))),
     st.tuples(st.just("own_part"), st.sampled_from(list(OWN_PARTS)), levels),
 )
