@@ -77,9 +77,13 @@ class KeyValues(Sequence[tuple[str, str]]):
 
 
 class _Decoded(NamedTuple):
-    """A status, the bytes that it was decoded from, and where they began."""
+    """A status, the bytes that it was decoded from, and where they began.
+
+    ``head`` is how many of them are before its key-values.
+    """
 
     at: int
+    head: int
     raw: bytes
     status: Status
 
@@ -124,6 +128,7 @@ class Decoder:
         before = self._before
         decoded: list[_Decoded] = []
         for index in range(count):
+            begin, head = at, 0
             if index < len(before):
                 known = before[index]
                 # Its numbers are aligned again only at an offset that differs by a multiple of 4.
@@ -131,17 +136,24 @@ class Decoder:
                     decoded.append(known)
                     at += len(known.raw)
                     continue
-            begin = at
-            level = data[at]
-            ((name, message),), at = _pairs(data, at + 1, 1, number)
-            hardware_id, at = _text(data, at, number)
+                # Of most only the key-values change.
+                if not (at - known.at) & 3 and data.startswith(known.raw[: known.head], at):
+                    head = known.head
+            if head:
+                level, name, message, hardware_id, _values = known.status
+                at += head
+            else:
+                level = data[at]
+                ((name, message),), at = _pairs(data, at + 1, 1, number)
+                hardware_id, at = _text(data, at, number)
+                head = at - begin
             values_at = (at + 3 & -4) + 4
             (pairs,) = number(data, values_at - 4)
             at = _behind(data, values_at, 2 * pairs, number)
             raw = data[begin:at]
             values = KeyValues(raw, values_at - begin, begin & 3, pairs, number) if pairs else ()
             status = Status(level, name, message, hardware_id, values)
-            decoded.append(_Decoded(begin, raw, status))
+            decoded.append(_Decoded(begin, head, raw, status))
         return decoded, at
 
 
