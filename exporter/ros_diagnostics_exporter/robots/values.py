@@ -203,7 +203,7 @@ class ComponentValues:
     marks: Marks[Any]
     judged: bool
     _all: list[ExportedValue] | None = None  # until they are read
-    # for each key-value its numbers; None for one that a limit rejects
+    # for each key-value its numbers, None for one that a limit rejects; () where `_all_plain`
     _rows: Sequence[list[ExportedValue | None]] = ()
     _series: int = 0
     _pairs: Pairs = ()  # of the last status
@@ -272,12 +272,13 @@ class ComponentValues:
             return True
         changed = False
         if len(self._keys) == len(pairs):
+            rows = self._slots()
             for row, (key, pair) in enumerate(zip(self._keys, pairs, strict=True)):
                 if old and old[row] == pair:
                     continue
                 if key != pair[0]:
                     break
-                slots = self._rows[row]
+                slots = rows[row]
                 value = slots[0] if len(slots) == 1 else None
                 if value is not None and value.plain and is_plain(pair[1]):
                     value.number = float(pair[1])
@@ -310,8 +311,12 @@ class ComponentValues:
         self.parse()
         return [
             [value for value in slots if value is not None and not value.rejected]
-            for slots in self._rows
+            for slots in self._slots()
         ]
+
+    def _slots(self) -> Sequence[list[ExportedValue | None]]:
+        """The numbers of each of the key-values that were parsed last; see `_rows`."""
+        return [[value] for value in self._all or ()] if self._all_plain else self._rows
 
     def _update_row(self, slots: list[ExportedValue | None], pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value; False if how many, or a unit, changed."""
@@ -349,9 +354,10 @@ class ComponentValues:
         self._pairs = kept
         self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
-        self._rows = [self._add_all(pair, taken) for pair in pairs]
+        rows = [self._add_all(pair, taken) for pair in pairs]
         numbers = self._all or ()
         self._all_plain = len(numbers) == len(pairs) and all(each.plain for each in numbers)
+        self._rows = () if self._all_plain else rows
 
     def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
         if self._is_list_beyond(pair):
