@@ -1,9 +1,9 @@
-"""Runs a bench here and at another commit, in turns, and prints the ratio of each line.
+"""Runs a bench here and at another commit, in turns, and prints the ratios of each line.
 
-`./run bench NAME --against COMMIT` does this for all benches except `rules`, which evaluates the
-rules of both at once. The commit is unpacked into a temporary folder, and its own bench of that
-name measures it with this checkout's Python packages. A line is compared by the text and the first
-number that it begins with. Of several turns the least counts: what else runs only makes it slower.
+`./run bench NAME --against COMMIT` does this. The commit is unpacked into a temporary folder, and
+its own bench of that name measures it with this checkout's Python packages. Lines that begin with
+the same text are compared number by number, up to the first word after them. Of several turns the
+least counts: what else runs only makes it slower.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from testbed.configuration import CHECKOUT
 
 FOLDERS = ("exporter", "sim", "lab", "tests")  # what a bench imports; older commits have no lab
-LINE = re.compile(r"(?P<what>\S.*?)(?: +\(target[^)]*\))?\s{2,}(?P<number>[0-9.]+)[%\s]")
+LINE = re.compile(r"(?P<what>\S.*?)(?: +\(target[^)]*\))?(?P<numbers>(?:\s{2,}[0-9.]+%?(?!\S))+)")
 
 
 def unpack(commit: str, folder: Path) -> None:
@@ -29,19 +29,20 @@ def unpack(commit: str, folder: Path) -> None:
     subprocess.run(["tar", "-x", "-C", str(folder)], input=packed, check=True)
 
 
-def measure(bench: str, options: list[str], checkout: Path) -> dict[str, float]:
-    """The first number of each line that a checkout's bench prints; prints the lines."""
+def measure(bench: str, options: list[str], checkout: Path) -> dict[str, list[float]]:
+    """The numbers of each line that a checkout's bench prints; prints the lines."""
     paths = os.pathsep.join(str(checkout / folder) for folder in FOLDERS)
     program = [sys.executable, "-m", f"bench.{bench}", *options]
     environment = {**os.environ, "PYTHONPATH": paths}
-    found: dict[str, float] = {}
+    found: dict[str, list[float]] = {}
     with subprocess.Popen(
         program, cwd=checkout, env=environment, stdout=subprocess.PIPE, text=True
     ) as process:
         for line in process.stdout or ():
             print(line, end="", flush=True)
-            if numbers := LINE.match(line):
-                found[numbers["what"]] = float(numbers["number"])
+            if line_of := LINE.match(line):
+                numbers = line_of["numbers"].replace("%", "").split()
+                found[line_of["what"]] = [float(each) for each in numbers]
     if process.returncode:
         raise SystemExit(process.returncode)
     return found
@@ -54,19 +55,20 @@ def main() -> None:
     parser.add_argument("--against", metavar="COMMIT", required=True)
     parser.add_argument("--turns", type=int, default=2, help="of each of both")
     options, of_bench = parser.parse_known_args()
-    least: tuple[dict[str, float], dict[str, float]] = {}, {}
+    least: tuple[dict[str, list[float]], dict[str, list[float]]] = {}, {}
     with tempfile.TemporaryDirectory() as folder:
         unpack(options.against, Path(folder))
         for _ in range(options.turns):
             for found, checkout in zip(least, (CHECKOUT, Path(folder)), strict=True):
                 print(f"--- {'here' if checkout is CHECKOUT else options.against}")
-                for what, number in measure(options.bench, of_bench, checkout).items():
-                    found[what] = min(number, found.get(what, number))
+                for what, numbers in measure(options.bench, of_bench, checkout).items():
+                    found[what] = [*map(min, numbers, found.get(what, numbers))]
     print(f"--- here, in multiples of {options.against}")
     here, there = least
-    for what in here.keys() & there.keys():
-        if there[what]:
-            print(f"{what:<46}{here[what] / there[what]:>6.2f}")
+    for what in [each for each in here if each in there]:
+        both = zip(here[what], there[what], strict=False)  # there may be more by now
+        ratios = [f"{mine / theirs:>7.2f}" if theirs else f"{'-':>7}" for mine, theirs in both]
+        print(f"{what:<46}{''.join(ratios)}")
 
 
 main()

@@ -6,23 +6,17 @@ one by one (with more there is a common cause). Every robot has two values with 
 
 Printed are the seconds of all groups for five seconds (a group with another interval counts by
 its share of them), and their ratio to one scrape of all of the same fleet by the same Prometheus,
-which is independent of the machine's speed; and the series that the rules add. With
-`--against COMMIT` a second Prometheus plays each case by the rules of that commit, and the ratio of
-both is printed, too: with 800 faults at most 0.4 of the 112 rules of 27549a2 is the aim. Targets:
-0.05 s with no fault, 0.3 s with 800, 1.5 s with the most, 0.5 s with all components faulty, 8,000
-series.
+which is independent of the machine's speed; and the series that the rules add. Targets: 0.05 s
+with no fault, 0.5 s with 800, 1.5 s with the most, 0.5 s with all components faulty, 8,000 series.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
-import shutil
-import subprocess
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -47,7 +41,6 @@ from ros_diagnostics_exporter.model import Instant, Part, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from support.served_fleet import serving
 from testbed import http
-from testbed.configuration import CHECKOUT
 from testbed.engine import Engine
 from testbed.polling import until
 from testbed.site import Site
@@ -122,8 +115,7 @@ class Target:
                 self._state.receive(topic, aggregated_array(self._turn, level=2, of=of), now)
             self._state.tick(now)
         settled = b'ros_diagnostics_exporter_settled{fleet="bench"} 1\n'
-        faults = self._exposition.render(parts={Part.FAULTS})
-        self.faults = faults + settled + _with_info(faults)
+        self.faults = self._exposition.render(parts={Part.FAULTS}) + settled
         self.text = self._exposition.render(parts={Part.ROBOTS})
         return len(self._state.faults())
 
@@ -132,29 +124,15 @@ class Target:
         return self.faults if parts == {Part.FAULTS} else self.text
 
 
-START = re.compile(rb"^ros_diagnostics_fault_start_timestamp_seconds({.*}) ", re.MULTILINE)
-
-
-def _with_info(faults: bytes) -> bytes:
-    """The family of texts that faults had of their own, for the rules of commits that read it."""
-    return b"".join(b"ros_diagnostics_fault_info%s 1\n" % each for each in START.findall(faults))
+def _without_alertmanager(prometheus: Path) -> None:
+    (prometheus / "targets" / "alertmanager.yml").write_text("[]")
 
 
 @contextmanager
-def evaluating(exporter: str, commit: str | None = None) -> Iterator[Site]:
-    """A Prometheus that has scraped the target; it has the shipped rules, or those of a commit."""
-
-    def change(prometheus: Path) -> None:
-        (prometheus / "targets" / "alertmanager.yml").write_text("[]")
-        if commit is not None:
-            shutil.rmtree(prometheus / "rules")
-            archive = ["git", "-C", str(CHECKOUT), "archive", commit, "prometheus/rules"]
-            packed = subprocess.run(archive, check=True, capture_output=True).stdout
-            unpack = ["tar", "-x", "-C", str(prometheus.parent)]
-            subprocess.run(unpack, check=True, input=packed)
-
+def evaluating(exporter: str) -> Iterator[Site]:
+    """A Prometheus that has scraped the target and evaluates the shipped rules."""
     with tempfile.TemporaryDirectory() as folder, Site(Path(folder)) as site:
-        site.start_prometheus(exporters=[exporter], edit=change)
+        site.start_prometheus(exporters=[exporter], edit=_without_alertmanager)
         site.wait_until_ready()
         scraped = 'up{job="ros-diagnostics"} == 1'
         until(lambda: site.query(scraped), "the target is scraped", 60)
@@ -183,14 +161,13 @@ class Costs(NamedTuple):
         return [sum(each) for each in zip(*self.groups.values(), strict=True)]
 
 
-def watch(engines: Sequence[Engine], rounds: int) -> list[Costs]:
-    """Look at each of the next evaluations of all; a longer interval counts by its share."""
-    all_costs = [Costs({}, {}, []) for _engine in engines]
+def watch(engine: Engine, rounds: int) -> Costs:
+    """Look at each of the next evaluations; a longer interval counts by its share."""
+    costs = Costs({}, {}, [])
     for _ in range(rounds):
-        for engine, costs in zip(engines, all_costs, strict=True):
-            look(engine, costs)
+        look(engine, costs)
         time.sleep(INTERVAL)
-    return all_costs
+    return costs
 
 
 def look(engine: Engine, costs: Costs) -> None:
@@ -212,7 +189,6 @@ def main() -> None:
         "--prometheus", default=os.environ.get("PROMETHEUS", ""), help="the binary to run"
     )
     parser.add_argument("--rules", type=int, default=0, help="also print the N costliest rules")
-    parser.add_argument("--against", metavar="COMMIT", help="also play the rules of this commit")
     parser.add_argument(
         "--case", action="append", choices=[each.title for each in CASES], help="only this one"
     )
@@ -222,10 +198,8 @@ def main() -> None:
     with ExitStack() as stack:
         exporter = stack.enter_context(serving(target.scrape))
         target.breaks(CASES[0])
-        commits = [None, *([options.against] if options.against else [])]
-        sites = [stack.enter_context(evaluating(exporter, commit)) for commit in commits]
-        engines = [each.engine for each in sites]
-        version = engines[0].query("prometheus_build_info")[0].labels["version"]
+        engine = stack.enter_context(evaluating(exporter)).engine
+        version = engine.query("prometheus_build_info")[0].labels["version"]
         series = target.text.count(b"\n") - target.text.count(b"# ")
         print(f"Prometheus {version}, {options.robots} robots, {series} series")
         columns = "".join(f"{name:>9}" for name in ("median", "longest", "scrapes", "series"))
@@ -234,18 +208,11 @@ def main() -> None:
             if options.case and case.title not in options.case:
                 continue
             before = target.breaks(CASES[0])
-            for engine in engines:
-                until(partial(fires, engine, before), "the case before is over", 240)
+            until(partial(fires, engine, before), "the case before is over", 240)
             expected = target.breaks(case)
-            for engine in engines:
-                until(partial(fires, engine, expected), f"{expected} alerts", 240)
-            all_costs = watch(engines, options.rounds)
-            for engine, costs, commit in zip(engines, all_costs, commits, strict=True):
-                counted = firing(engine), int(engine.value(RECORDED))
-                report(commit or case.title, counted, costs, options.rules)
-            if options.against:
-                mine, theirs = (median(each.totals()) for each in all_costs)
-                print(f"    {mine / theirs:.2f} of the cost of the rules of {options.against}")
+            until(partial(fires, engine, expected), f"{expected} alerts", 240)
+            costs = watch(engine, options.rounds)
+            report(case.title, (firing(engine), int(engine.value(RECORDED))), costs, options.rules)
 
 
 def report(title: str, counted: tuple[int, int], costs: Costs, rules: int) -> None:

@@ -144,7 +144,7 @@ def measure_prometheus(robots: int, rounds: int) -> dict[str, Numbers]:
             expected = target.breaks(case)
             until(partial(rules.fires, engine, expected), f"{expected} alerts", 240)
             spent, begin = cpu_seconds(prometheus.pid), time.monotonic()
-            (costs,) = rules.watch([engine], rounds)
+            costs = rules.watch(engine, rounds)
             cpu = (cpu_seconds(prometheus.pid) - spent) / (time.monotonic() - begin)
             share = 2 / rules.INTERVAL  # of the group's interval
             found[name] = {
