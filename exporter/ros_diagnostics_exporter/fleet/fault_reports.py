@@ -226,11 +226,14 @@ class FaultReports:
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
     def _capabilities_text(self, identity: Identity) -> str:
-        """What the robot can no longer do; nothing of one that is silent."""
+        """What else the robot can no longer do; nothing of one that is silent."""
         reports = self._robots.get(identity.robot)
         if reports is None or not reports.robot.up:
             return ""
-        return capabilities_text(self.engine.capabilities(identity.robot))
+        capabilities = self.engine.capabilities(identity.robot)
+        if identity.scope is Scope.CAPABILITY:
+            capabilities.pop(identity.check, None)
+        return capabilities_text(capabilities)
 
     def _find(self, identity: Identity) -> tuple[RobotState, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""

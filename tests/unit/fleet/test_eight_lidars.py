@@ -51,7 +51,7 @@ def test_two_lidars_that_go_blind_are_one_notification(tmp_path):
     assert fault.evidence == (
         "lidar front_upper CRITICAL: blocked 100 %;\nlidar front_lower CRITICAL: blocked 100 %"
     )
-    assert fault.capabilities == "has lost front view and autonomous driving, still has view around"
+    assert fault.capabilities == "has lost autonomous driving, still has view around"
 
     rows, again = car.fault_rows(), Car(tmp_path)
     again.levels = car.levels
