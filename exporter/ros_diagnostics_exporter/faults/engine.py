@@ -364,6 +364,11 @@ class Faults:
             if problem.fault is not None:
                 yield problem.fault
 
+    def faults_of(self, robot: str) -> list[Identity]:
+        """Which faults a robot and its parts have."""
+        problems = self._robot(robot).all_problems()
+        return [each.identity for each in problems if each.fault is not None]
+
     def served(self) -> Iterator[Fault]:
         """Those that something has confirmed since the start: what a database has may be over."""
         for problem in self._book.problems.values():

@@ -198,6 +198,8 @@ class FaultReports:
     def _record(self, changes: Iterable[Change]) -> None:
         """Write the evidence of the faults that began, and append all changes to the events."""
         for what, fault, at in changes:
+            if fault.identity.robot in self._robots:
+                self._robots[fault.identity.robot].robot.marks.note(Mark.DETAILS)
             described, end = fault, ""
             if what == "began":
                 identity = fault.identity

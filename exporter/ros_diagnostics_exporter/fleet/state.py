@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.faults.model import (
     End,
     Fault,
     Followed,
+    Identity,
     OwnReport,
     ProblemView,
     Reason,
@@ -50,7 +51,6 @@ from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.robot_graph import GROUP, SHADOW
 
 log = logging.getLogger(__name__)
-
 
 Result = TypeVar("Result")
 
@@ -418,6 +418,10 @@ class FleetState(WatchedFleet):
     def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.engine.followed(robot.settings.name)
+
+    def faults_of(self, robot: RobotState) -> list[Identity]:
+        """Which faults a robot that is visited has, with those of its parts."""
+        return self._faults.engine.faults_of(robot.settings.name)
 
     def suppressed_components(self, robot: RobotState) -> dict[ComponentName, Reason]:
         """The components of a robot that is visited whose faults are due; another explains them."""

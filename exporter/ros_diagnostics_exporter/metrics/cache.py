@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.missions import mission_samples
-from ros_diagnostics_exporter.metrics.states import check_state, robot_state
+from ros_diagnostics_exporter.metrics.states import check_state, states
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import PlannedBy
@@ -119,12 +119,14 @@ class RobotText:
             self._render_inventory()
         if max(named, at[Mark.DOWNTIME]) > read:
             self._render_downtimes()
-        if at[Mark.RECEIPT] > read:
-            self._render_presence()
-        if at[Mark.REJECTED] > read:
+        states_due = at[Mark.RECEIPT] > read and self._render_presence()
+        if max(at[Mark.REJECTED], at[Mark.CONFIG]) > read:
             self._render_rejections()
         if max(named, at[Mark.LEVEL], at[Mark.DETAILS]) > read:
             self._render_levels()
+            states_due = True
+        if states_due:
+            self._render_states()
         if at[Mark.GROUPS] > read:
             self._render_groups()
         if at[Mark.GOALS] > read and self.robot.missions is not None:
@@ -250,14 +252,10 @@ class RobotText:
             "profile": profile.name,
             "address": settings.address or "",
         }
-        labels = "".join(
-            f',{name}="{escape(value)}"' for name, value in {**settings.labels, **fixed}.items()
-        )
-        labels = self._exporter_label + labels
-        self._set_one(metrics.ROBOT_INFO, 1, labels)
+        labels = _pairs({**settings.labels, **fixed})
+        self._set_one(metrics.ROBOT_INFO, 1, self._exporter_label + labels)
         for family, value in (
             (metrics.ROBOT_STALE_AFTER, profile.stale_after),
-            (metrics.ROBOT_STALE_IS_CRITICAL, float(profile.stale_is_critical)),
             (metrics.ROBOT_MAINTENANCE, float(robot.maintenance)),
         ):
             self._set_one(family, value)
@@ -298,27 +296,31 @@ class RobotText:
             elif family.name in self.chunks:
                 self._remove(family.name)
 
-    def _render_presence(self) -> None:
+    def _render_presence(self) -> bool:
+        """Whether it is received, and why not; returns whether that changed."""
         presence = up, reason = self.robot.up, self.robot.silent_reason
         if presence == self._presence:
-            return
+            return False
         self._presence = presence
         self._set_one(metrics.ROBOT_UP, float(up), self._exporter_label)
         if reason is not None:
             self._reasons.add(reason)
         reasons = {each: float(each == reason) for each in sorted(self._reasons)}
         self._by_reason(metrics.ROBOT_SILENT_REASON, reasons)
-        self._set_one(metrics.ROBOT_STATE, robot_state(self.robot))
+        return True
 
     def _render_rejections(self) -> None:
         self._by_reason(metrics.ROBOT_REJECTED, self.robot.rejected)
         last = {reason: round(at, 3) for reason, at in self.robot.rejected_at.items()}
-        self._by_reason(metrics.ROBOT_REJECTED_AT, last)
+        self._by_reason(metrics.ROBOT_REJECTED_AT, last, _pairs(self.robot.settings.labels))
 
-    def _by_reason(self, family: Family, values: Mapping[str, float]) -> None:
+    def _by_reason(self, family: Family, values: Mapping[str, float], labels: str = "") -> None:
         self._set(
             family,
-            (self._one(family, value, f',reason="{each}"') for each, value in values.items()),
+            (
+                self._one(family, value, f'{labels},reason="{each}"')
+                for each, value in values.items()
+            ),
         )
 
     def _render_levels(self) -> None:
@@ -329,19 +331,11 @@ class RobotText:
         ]
         for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
-            (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_SINCE, _since),
             (metrics.COMPONENT_CHANGES, _changes),
         ):
             start = family.name + self._begin
-            self._set(
-                family,
-                [
-                    f"{start}{labels}}} {value!r}\n"
-                    for component, labels in shown
-                    if (value := read(component)) is not None
-                ],
-            )
+            self._set(family, [f"{start}{labels}}} {read(each)!r}\n" for each, labels in shown])
         start = metrics.COMPONENT_MESSAGE.name + self._begin
         length = self.robot.limits.label_length
         self._set(
@@ -354,7 +348,6 @@ class RobotText:
         )
         self._render_followed(shown)
         self._render_checks()
-        self._set_one(metrics.ROBOT_STATE, robot_state(self.robot))
         family = metrics.CAPABILITY_STATE
         self._set(
             family,
@@ -362,6 +355,22 @@ class RobotText:
                 self._one(family, STATES[each.state], f',capability="{escape(capability)}"')
                 for capability, each in self._state.capabilities(self.robot).items()
             ),
+        )
+
+    def _render_states(self) -> None:
+        found = states(self.robot, self._state.faults_of(self.robot))
+        self._set_one(metrics.ROBOT_STATE, found.robot)
+        if found.part:
+            self._set_one(metrics.ROBOT_FLAPPING, 1, f',part="{found.part}"')
+        else:
+            self._remove(metrics.ROBOT_FLAPPING.name)
+        start = metrics.COMPONENT_STATE.name + self._begin
+        self._set_chunk(
+            metrics.COMPONENT_STATE.name,
+            [
+                f"{start}{_labels_of_component(*name)}}} {rank!r}\n"
+                for name, rank in found.components.items()
+            ],
         )
 
     def _render_followed(self, shown: list[tuple[Component, str]]) -> None:
@@ -447,6 +456,10 @@ def _labels_of_value(key: str, unit: str | None) -> str:
     return f',key="{escape(key)}"{own}}} '
 
 
+def _pairs(labels: Mapping[str, str]) -> str:
+    return "".join(f',{name}="{escape(value)}"' for name, value in labels.items())
+
+
 def _labels_of(downtime: PlannedBy) -> str:
     author = f',author="{escape(one_line(downtime.author))}"' if downtime.author else ""
     return f',downtime="{escape(one_line(downtime.name))}"{author}'
@@ -462,10 +475,6 @@ def _families_of(value: ExportedValue) -> list[str]:
 
 def _level(component: Component) -> int:
     return component.level
-
-
-def _problem_level(component: Component) -> int | None:
-    return None if component.suppressed_because else component.level or None
 
 
 def _since(component: Component) -> float:

@@ -66,9 +66,17 @@ ROBOT_SILENT_REASON = _family(
 ROBOT_STATE = _family(
     "robot_state",
     "gauge",
-    "How urgent what is received of the robot is, confirmed or not: -1 PENDING, 0 OK, 1 WARNING, "
-    "2 STALE, 3 UNREACHABLE, 5 SILENT, 6 CRITICAL.",
+    "How urgent the robot is, by what is received, confirmed or not, and by its faults: -1 "
+    "PENDING, 0 OK, 1 WARNING, 1.5 FLAPPING, 2 STALE, 3 UNREACHABLE, 5 SILENT, 6 CRITICAL.",
     ROBOT,
+    part=Part.FAULTS,
+)
+ROBOT_FLAPPING = _family(
+    "robot_flapping",
+    "gauge",
+    "1 while the robot's state is FLAPPING; part is what availability counts its time as: warning, "
+    "silent or critical. Absent otherwise.",
+    (*ROBOT, "part"),
     part=Part.FAULTS,
 )
 ROBOT_LAST_MESSAGE = _family(
@@ -82,13 +90,6 @@ ROBOT_STALE_AFTER = _family(
     "gauge",
     "Silence after which the robot counts as silent, from the config.",
     ROBOT,
-)
-ROBOT_STALE_IS_CRITICAL = _family(
-    "robot_stale_is_critical",
-    "gauge",
-    "1 where the config counts STALE as CRITICAL.",
-    ROBOT,
-    part=Part.FAULTS,
 )
 ROBOT_MAINTENANCE = _family(
     "robot_maintenance",
@@ -162,6 +163,7 @@ ROBOT_REJECTED_AT = _family(
     "gauge",
     "When something of the robot was last rejected (Unix time), by reason; absent until then.",
     (*ROBOT, "reason"),
+    open=True,
 )
 CHECK_COMPONENTS = _family(
     "check_components",
@@ -172,7 +174,8 @@ CHECK_COMPONENTS = _family(
 CHECK_STATE = _family(
     "check_state",
     "gauge",
-    "As robot_state, of the components that match the check; 6 where they are too few.",
+    "The worst level of the components that match the check, as robot_state; 6 where they are too "
+    "few.",
     (*ROBOT, "check"),
 )
 CHECK_EXPECTED = _family(
@@ -193,11 +196,11 @@ COMPONENT_LEVEL = _family(
     "0 OK, 1 WARN, 2 ERROR, 3 STALE, after the config's overrides; leaves only.",
     COMPONENT,
 )
-COMPONENT_PROBLEM_LEVEL = _family(
-    "component_problem_level",
+COMPONENT_STATE = _family(
+    "component_state",
     "gauge",
-    "component_level where it is not OK and neither a condition nor shadow mode suppresses it; "
-    "absent otherwise.",
+    "How urgent the component is, as robot_state, where that is not OK; absent otherwise, and "
+    "where a condition or shadow mode suppresses it.",
     COMPONENT,
     part=Part.FAULTS,
 )
@@ -360,8 +363,8 @@ FLEET_FAMILIES = (
     ROBOT_SILENT_REASON,
     ROBOT_LAST_MESSAGE,
     ROBOT_STALE_AFTER,
-    ROBOT_STALE_IS_CRITICAL,
     ROBOT_STATE,
+    ROBOT_FLAPPING,
     ROBOT_MAINTENANCE,
     ROBOT_MESSAGES,
     ROBOT_MESSAGE_BYTES,
@@ -380,7 +383,7 @@ FLEET_FAMILIES = (
     CHECK_EXPECTED,
     CAPABILITY_STATE,
     COMPONENT_LEVEL,
-    COMPONENT_PROBLEM_LEVEL,
+    COMPONENT_STATE,
     COMPONENT_SINCE,
     COMPONENT_PROBLEM_SINCE,
     COMPONENT_CHANGES,

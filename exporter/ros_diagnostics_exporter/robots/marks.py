@@ -17,7 +17,7 @@ class Mark:
     LEVEL = 2  # a component's level, or how it is judged
     VALUE = 3  # a component's number that the config judges
     NUMBER = 4  # any other number
-    DETAILS = 5  # a message, why trouble is suppressed, what faults/ keeps of a component
+    DETAILS = 5  # a message, why trouble is suppressed, a fault, what faults/ keeps of a component
     GROUPS = 6
     RECEIPT = 7  # messages, whether it is up, what the network shows
     REJECTED = 8

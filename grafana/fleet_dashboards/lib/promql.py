@@ -11,7 +11,7 @@ HELD = "fleet:ros_diagnostics_fault_start:held"
 # The same of each robot, with those of sites and of many robots that it is part of.
 HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
 # What has no place in ROS, and is no robot, such as an access point.
-DEVICE = "robot:ros_diagnostics_device:info"
+DEVICE = 'robot:ros_diagnostics:info{domain_id="none"}'
 # What of it robots name as their uplink.
 _UPLINKS = 'group by (fleet, uplink) (robot:ros_diagnostics:info{uplink!=""})'
 UPLINK = f"""(

@@ -70,7 +70,7 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
         "shadow mode (graph in fleet.yml)",
     )
     assert driver.sample("component_level", component="node amcl") == ERROR
-    assert driver.sample("component_problem_level", component="node amcl") is None
+    assert driver.sample("component_state", component="node amcl") is None
     assert driver.faults() == []
     driver.state.configure(fleet(mode="auto", learn_after=61.0), driver.now)
     assert driver.go_on(60, "diag").faults() == []

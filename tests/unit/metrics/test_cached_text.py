@@ -397,14 +397,14 @@ Name = tuple[str, str, str]  # robot, group, component
 
 def check_problems(text: list[str], state: FleetState, now: Instant) -> None:
     """What is in trouble in the text is judged so, by the same name; and nothing else is."""
-    levels, troubled = names_in(text, "component_level"), names_in(text, "component_problem_level")
+    levels, troubled = names_in(text, "component_level"), names_in(text, "component_state")
     problems = {
         (each.identity.robot, each.identity.group, each.identity.component): each
         for each in state.problems(now)
-        if each.identity.scope == "component" and state.robots[each.identity.robot].up
+        if each.identity.scope in {"component", "flapping"} and state.robots[each.identity.robot].up
     }
     assert problems.keys() <= levels.keys()
-    assert {name for name, level in troubled.items() if level in "12"} <= problems.keys()
+    assert {name for name, rank in troubled.items() if rank in {"1", "6"}} <= problems.keys()
 
 
 def check_reported(state: FleetState, now: Instant) -> None:

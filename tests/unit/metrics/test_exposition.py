@@ -195,7 +195,7 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
     driver = full_scenario()
     samples = driver.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
-    absent.add("robot_watch_bytes_per_second")
+    absent |= {"robot_flapping", "robot_watch_bytes_per_second"}
     families = set(metrics.FLEET_FAMILIES) - {*metrics.MISSION_FAMILIES}  # see test_missions.py
     for family in families:
         name = family.name.removeprefix(metrics.PREFIX)
@@ -222,8 +222,8 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_maintenance": [1],
         "component_message_info": [1] * 4,
         "component_planned_stale": [1],
-        "component_problem_level": [1, 2, 3, 3],
         "component_problem_since_timestamp_seconds": [begin, begin, begin, begin + 1],
+        "component_state": [1, 2, 6, 6],
         "component_suppressed": [1],
         "component_since_timestamp_seconds": [begin, begin, begin + 1, begin + 1],
         "component_stale_after_seconds": [2],
@@ -247,7 +247,6 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "robot_publishers": [0],
         "robot_rejected_total": [0] * 9 + [1],
         "robot_stale_after_seconds": [5],
-        "robot_stale_is_critical": [0],
         "robot_state": [6],
         "robot_up": [1],
         "ros_battery_charge_ratio": [0.17],
@@ -549,9 +548,9 @@ def test_what_alerts_on_faults_need_is_a_part():
     found |= families_of(self_metrics(driver).render(parts={Part.FAULTS}))
     assert {name.removeprefix(metrics.PREFIX) for name in found} == {
         *("fault_start_timestamp_seconds", "fault_member"),
-        "component_problem_level",
+        "component_state",
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
-        *("robot_info", "robot_stale_is_critical", "robot_state", "site_received_robots"),
+        *("robot_info", "robot_state", "site_received_robots"),
         "canary_start_timestamp_seconds",
     }
 

@@ -129,11 +129,11 @@ def test_a_fault_that_lasts_is_rendered_once(monkeypatch):
     assert driver.exposition.render() == first
 
 
-@pytest.mark.parametrize(("level", "shown"), [(OK, None), (WARN, 1), (ERROR, 2), (3, 3)])
-def test_the_level_of_a_problem_is_there_while_there_is_one(level, shown):
+@pytest.mark.parametrize(("level", "shown"), [(OK, None), (WARN, 1), (ERROR, 6), (3, 2)])
+def test_the_state_of_a_component_is_there_while_it_is_not_ok(level, shown):
     driver = driver_of()
     driver.raw(MOTOR._replace(level=level))
-    assert driver.sample("component_problem_level", component="Motor") == shown
+    assert driver.sample("component_state", component="Motor") == shown
     assert driver.sample("component_level", component="Motor") == level
 
 

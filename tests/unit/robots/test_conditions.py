@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots.conditions import RobotConditions
-from ros_diagnostics_exporter.severity import shown_problems, state_of
+from ros_diagnostics_exporter.severity import SEVERITIES, shown_problems, state_of
 from support.configs import load_text
 from support.state_driver import ERROR, OK, SETTLED, STALE, WARN, StateDriver
 
@@ -74,14 +74,14 @@ def test_what_a_condition_suppresses_is_no_fault_and_shown_so(driver_of):
     snapshot = fleet_snapshot(driver.state, driver.now)["robots"][0]
     assert state_of(snapshot) == "OK"
     assert driver.sample("component_level", component="Battery") == ERROR
-    assert driver.sample("component_problem_level", component="Battery") is None
+    assert driver.sample("component_state", component="Battery") is None
 
 
 def test_it_is_a_fault_confirm_after_the_condition_ceases_to_hold(driver_of):
     driver = driver_of(UNLESS).stand(SETTLED, LOW, CHARGING)
     unplugged = driver.now.wall
     assert driver.stand(9, LOW, IDLE).fault_names() == set()
-    assert driver.sample("component_problem_level", component="Battery") == ERROR
+    assert driver.sample("component_state", component="Battery") == SEVERITIES["CRITICAL"]
     driver.stand(2, LOW, IDLE)
 
     (fault,) = driver.state.faults()
@@ -225,9 +225,9 @@ def test_a_reload_applies_conditions_at_once(driver_of, tmp_path):
     assert driver.stand(SETTLED, LOW, CHARGING).fault_names() == {CRITICAL}
     driver.state.configure(fleet_of(tmp_path, UNLESS), driver.now)
     assert driver.fault_names() == set()
-    assert driver.sample("component_problem_level", component="Battery") is None
+    assert driver.sample("component_state", component="Battery") is None
     driver.state.configure(fleet_of(tmp_path, "stale_after: 10s"), driver.now)
-    assert driver.sample("component_problem_level", component="Battery") == ERROR
+    assert driver.sample("component_state", component="Battery") == SEVERITIES["CRITICAL"]
     assert standings(driver) == ["CRITICAL Battery: not confirmed yet, 10 s left"]
     assert driver.stand(12, LOW, CHARGING).fault_names() == {CRITICAL}
 

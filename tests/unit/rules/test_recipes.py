@@ -37,7 +37,7 @@ INPUT = {
     'ros_diagnostics_robot_maintenance{fleet="f", robot="r1"}': "0x420",
     'ros_diagnostics_robot_maintenance{fleet="f", robot="r2"}': "0x420",
     f"ros_diagnostics_component_level{{{MOTOR}}}": "0x59 2x59 0x119 2x180",
-    f"ros_diagnostics_component_problem_level{{{MOTOR}}}": "_x60 2x59 stale _x119 2x180",
+    f"ros_diagnostics_component_state{{{MOTOR}}}": "_x60 6x59 stale _x119 6x180",
     f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': MESSAGE,
     f"ros_diagnostics_component_changes_total{{{MOTOR}}}": "0x59 1x59 2x119 3x180",
     f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': "20x420",
