@@ -51,9 +51,7 @@ from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.robot_graph import GROUP, SHADOW
 
 log = logging.getLogger(__name__)
-
 Result = TypeVar("Result")
-
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
 PASS_ON = 16  # robots between two chances of the threads that wait for the lock
 
@@ -311,8 +309,7 @@ class FleetState(WatchedFleet):
         """
         with self._lock:
             known = {fault.identity for fault in self._faults.engine.faults()}
-            new = [each for each in faults if each.identity not in known]
-            self._faults.adopt(new, now)
+            self._faults.adopt([each for each in faults if each.identity not in known], now)
 
     def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
         """Restore what an earlier process knew of the robots that the config still wants."""
@@ -344,16 +341,22 @@ class FleetState(WatchedFleet):
 
     # -- queries -----------------------------------------------------------------------------
 
-    def visit(self, function: Callable[[RobotState], Result]) -> Iterator[Result]:
-        """``function`` of every robot, in the order of names.
+    def visit(
+        self,
+        function: Callable[[RobotState], Result],
+        known: Callable[[RobotState], Result | None] = lambda _robot: None,
+    ) -> Iterator[Result]:
+        """``function`` of every robot, or what is ``known`` of it already, in the order of names.
 
-        The lock is held for one robot at a time, and not while the caller uses a result.
+        The lock is held for one robot at a time, not for ``known``, nor while a result is used.
         """
         for number, robot in enumerate(self._sorted_robots()):
-            with self._lock:
-                result = function(robot)
-            if number % PASS_ON == 0:
-                time.sleep(0)  # else this thread takes the lock again before another wakes up
+            result = known(robot)
+            if result is None:
+                with self._lock:
+                    result = function(robot)
+                if number % PASS_ON == 0:
+                    time.sleep(0)  # else this thread takes the lock before another wakes up
             yield result
 
     def _sorted_robots(self) -> list[RobotState]:
@@ -493,8 +496,5 @@ class FleetState(WatchedFleet):
 
 def _feeds(fleet: config.Fleet) -> dict[str, Feed]:
     """By name what delivers statuses beside ROS; of the graph as long as nothing else is known."""
-    return {
-        **{each.name: each.feed for each in fleet.queries},
-        GROUP: SHADOW,
-        ACTIONS.name: ACTIONS,
-    }
+    of_queries = {each.name: each.feed for each in fleet.queries}
+    return {**of_queries, GROUP: SHADOW, ACTIONS.name: ACTIONS}

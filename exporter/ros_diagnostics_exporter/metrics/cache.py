@@ -7,7 +7,7 @@ from functools import lru_cache
 from math import isfinite
 from operator import attrgetter, itemgetter
 
-from ros_diagnostics_exporter.config.fleet import Profile
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile
 from ros_diagnostics_exporter.config.profiles import ALL
 from ros_diagnostics_exporter.faults.model import CAPABILITY_STATES, ComponentName, Reason
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -87,6 +87,18 @@ class RobotText:
         self._reasons: set[str] = set()  # every reason that ever applied
         self._suppressed: Mapping[ComponentName, Reason] = {}  # as rendered
         self._depends = True  # a component on another one, or a capability on any
+
+    def is_of(self, robot: RobotState, fleet: Fleet) -> bool:
+        """Whether it is the text of this robot, by the names that the fleet has now."""
+        is_named = self.fleet == fleet.name and self.exporter == fleet.exporter
+        return self.robot is robot and is_named
+
+    def is_current(self, *, everything: bool) -> bool:
+        """Whether `update` would change nothing; may be asked without the lock."""
+        noted = self.robot.marks.count
+        if everything and (self._read_everything != noted or self._depends or self._suppressed):
+            return False
+        return self._read == noted
 
     def update(self, *, everything: bool = True) -> None:
         """Render what changed since the last call.
@@ -330,9 +342,9 @@ class RobotText:
             if each.level >= 0
         ]
         for family, read in (
-            (metrics.COMPONENT_LEVEL, _level),
+            (metrics.COMPONENT_LEVEL, attrgetter("level")),
             (metrics.COMPONENT_SINCE, _since),
-            (metrics.COMPONENT_CHANGES, _changes),
+            (metrics.COMPONENT_CHANGES, attrgetter("changes")),
         ):
             start = family.name + self._begin
             self._set(family, [f"{start}{labels}}} {read(each)!r}\n" for each, labels in shown])
@@ -473,16 +485,8 @@ def _families_of(value: ExportedValue) -> list[str]:
     return names
 
 
-def _level(component: Component) -> int:
-    return component.level
-
-
 def _since(component: Component) -> float:
     return round(component.since, 3)
-
-
-def _changes(component: Component) -> int:
-    return component.changes
 
 
 def _own_stale_after(component: Component, profile: Profile) -> float | None:

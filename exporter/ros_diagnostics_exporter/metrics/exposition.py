@@ -364,7 +364,10 @@ class Exposition:
     def _update(self, *, everything: bool) -> list[RobotText]:
         """Every robot's text, up to date; without ``everything``, what faults are judged by."""
         texts = list(
-            self._state.visit(lambda robot: self._update_robot(robot, everything=everything))
+            self._state.visit(
+                lambda robot: self._update_robot(robot, everything=everything),
+                lambda robot: self._kept(robot, everything=everything),
+            )
         )
         if texts != [*self._texts.values()]:
             self._texts = {text.robot.settings.name: text for text in texts}
@@ -374,12 +377,18 @@ class Exposition:
                 self._gathered.pop(text.changed.pop(), None)
         return texts
 
+    def _kept(self, robot: RobotState, *, everything: bool) -> RobotText | None:
+        """The text of a robot of which nothing has changed."""
+        text = self._texts.get(robot.settings.name)
+        if text is None or not text.is_of(robot, self._state.fleet):
+            return None
+        return text if text.is_current(everything=everything) else None
+
     def _update_robot(self, robot: RobotState, *, everything: bool) -> RobotText:
         fleet = self._state.fleet
         text = self._texts.get(robot.settings.name)
-        source = fleet.name, fleet.exporter
-        if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
-            text = RobotText(*source, robot, self._state)
+        if text is None or not text.is_of(robot, fleet):
+            text = RobotText(fleet.name, fleet.exporter, robot, self._state)
         text.update(everything=everything)
         return text
 

@@ -42,6 +42,7 @@ from ros_diagnostics_exporter.firing import REMOVED
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import STATES
+from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import (
     EOF,
     EXPORTER_FAMILIES,
@@ -553,6 +554,17 @@ def test_what_alerts_on_faults_need_is_a_part():
         *("robot_info", "robot_state", "site_received_robots"),
         "canary_start_timestamp_seconds",
     }
+
+
+def test_a_robot_that_has_not_changed_is_not_visited(monkeypatch):
+    driver = StateDriver()
+    driver.raw(Status(OK, "Motor"))
+    first = driver.exposition.render()
+    monkeypatch.setattr(Exposition, "_update_robot", None)
+    assert driver.exposition.render() == first
+    driver.raw(Status(ERROR, "Motor"))
+    with pytest.raises(TypeError):
+        driver.exposition.render()
 
 
 def test_every_reason_of_a_rejection_is_counted_from_0_on():
