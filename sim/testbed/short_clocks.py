@@ -95,11 +95,9 @@ def _set_scrapes(config: dict[str, Any], interval: str) -> None:
 
 
 def _set_intervals(document: dict[str, Any], seconds: int) -> None:
-    """Short intervals become ``seconds``, the one of the timeline six times as long."""
+    """Intervals of a minute at most become ``seconds``."""
     for group in document["groups"]:
-        if group["name"].endswith(".timeline"):
-            group["interval"] = f"{6 * seconds}s"
-        elif _milliseconds(group["interval"]) < MILLISECONDS["m"]:
+        if _milliseconds(group["interval"]) <= MILLISECONDS["m"]:
             group["interval"] = f"{seconds}s"
 
 
