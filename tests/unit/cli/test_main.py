@@ -1,5 +1,7 @@
 """What the flags become: clients, retention, and what a check of the config looks at."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -132,3 +134,10 @@ def test_a_web_server_that_failed_ends_the_exporter_and_its_service(monkeypatch)
     with pytest.raises(main.WebEndedError):
         main._serve(flags.parse([]), [":0"], Played("service"))
     assert calls == ["start server", "start service", "stop server", "stop service"]
+
+
+def test_what_few_sites_need_is_imported_where_it_is_used():
+    seldom = {"zenoh", "mcap", "mcap_ros2", "lz4", "zstandard"}
+    program = f"import sys, ros_diagnostics_exporter.cli.main; print({seldom} & sys.modules.keys())"
+    argv = [sys.executable, "-c", program]
+    assert subprocess.run(argv, capture_output=True, text=True, check=True).stdout == "set()\n"
