@@ -250,8 +250,10 @@ def _judge(
             book.followed[robot.name] = None
     capability.due = actual.due
     parts = {**in_use.parts, **actual.parts}
-    if actual.state not in (CapabilityState.OK, CapabilityState.UNKNOWN):
-        capability.worst = min(in_use.state, actual.state)
+    # What is STALE in a downtime of its own hides nothing of the others.
+    known = in_use if actual.state is CapabilityState.UNKNOWN else actual
+    if known.state not in (CapabilityState.OK, CapabilityState.UNKNOWN):
+        capability.worst = min(in_use.state, known.state)
         if parts != capability.parts:
             capability.parts = parts
             book.write(capability)

@@ -44,7 +44,9 @@ def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdic
         problem = book.add_problem(Problem(CLOCK, now))
     if problem is not None and problem.verdict is not verdict:
         book.give_verdict(problem, verdict)
-    return verdict
+    # Its fault says it of each robot also while too few are left to see it end.
+    is_fault = problem is not None and problem.fault is not None
+    return Verdict.FAILING if is_fault and verdict is Verdict.NO_DATA else verdict
 
 
 def _verdict(offset: float, *, in_trouble: bool) -> Verdict:

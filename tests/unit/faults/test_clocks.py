@@ -68,6 +68,16 @@ def test_of_too_few_robots_nothing_is_known_of_the_exporters_clock():
     )
 
 
+def test_too_few_robots_have_no_faults_beside_that_of_the_exporters_clock():
+    play(
+        (0, clocks(60.0, 60.0, 60.0)),
+        (60, None, f"began {OWN}"),
+        (70, clocks(60.0, 60.0)),
+        (200, clocks(0.0, 0.0, 0.0), f"recovered {OWN}"),
+        robots=FOUR,
+    )
+
+
 def test_silence_and_maintenance_are_suppressed():
     play(
         (0, clocks(60.0)),

@@ -48,6 +48,17 @@ def test_a_lidar_that_is_error_is_reported_although_the_other_is_lost_too():
     )
 
 
+def test_a_lidar_is_not_reported_beside_the_view_that_is_lost_while_the_other_is_replaced():
+    """The other is STALE in a downtime of its own: the robot could see by this one alone."""
+    replaced = frozenset({UPPER})
+    play(
+        (0, can(lambda faults, now: faults.components_in_maintenance("r1", replaced, now))),
+        (10, can(level(UPPER, STALE), level(LOWER, ERROR))),
+        (20, None, "began capability/lost r1 view"),
+        (60, can(level(LOWER, OK)), "recovered capability/lost r1 view"),
+    )
+
+
 def test_a_capability_without_reserve_does_not_hide_that_nothing_is_left():
     play(
         (0, can(level(UPPER, ERROR))),
