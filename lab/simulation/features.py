@@ -74,6 +74,8 @@ COMPONENTS = {
 VIEW = WantedCapability(
     "view", AtLeast(1, (PartName(component="lidar upper"), PartName(component="lidar lower")))
 )
+SAY_SILENCE = (State.SILENT, State.CRITICAL)  # of a site, and of an uplink
+PARTS = {"view": {"lidar upper", "lidar lower"}, "driving": {"motor"}}
 CHARGE = ("battery", "charge")
 CHARGED = PartName(component=CHARGE[0], key=CHARGE[1])
 DRIVING = WantedCapability("driving", AtLeast(None, (PartName(component="motor"), CHARGED)))
@@ -617,18 +619,22 @@ class World:
 
 def _says(larger: Identity, identity: Identity) -> bool:
     """Whether a fault says that another one is there, while both last."""
-    scope, is_component = larger.scope, identity.scope in (Scope.COMPONENT, Scope.FLAPPING)
-    if scope is Scope.SITE:
-        return identity.scope is Scope.ROBOT and identity.state in (State.SILENT, State.FLAPPING)
-    if scope is Scope.COMMON:
+    if larger.scope is Scope.SITE or larger.robot == UPLINK:
+        is_presence = identity.state in (State.SILENT, State.FLAPPING)
+        return identity.scope is Scope.ROBOT and is_presence and larger.state in SAY_SILENCE
+    is_component = identity.scope in (Scope.COMPONENT, Scope.FLAPPING)
+    if larger.scope is Scope.COMMON:
         return is_component and identity.component == larger.component
-    if larger.robot != identity.robot:
+    if larger.robot != identity.robot or not is_component:
         return False
     if larger.state is State.MANY:
-        is_as_severe = "critical" in (larger.severity, "") or severity_of(identity) == "warning"
-        return is_component and is_as_severe
-    flaps = scope is Scope.FLAPPING and larger.state is State.FLAPPING
-    return flaps and identity.scope is Scope.COMPONENT and identity.component == larger.component
+        return larger.severity == "critical" or severity_of(identity) == "warning"
+    if larger.state is State.LOST:
+        is_part = identity.component in PARTS[larger.check]
+        return is_part and (identity.scope, identity.state) == (Scope.COMPONENT, State.CRITICAL)
+    flaps = (larger.scope, larger.state) == (Scope.FLAPPING, State.FLAPPING)
+    same = identity.component == larger.component
+    return flaps and same and identity.scope is Scope.COMPONENT
 
 
 def _configured(robot: str) -> Event:
