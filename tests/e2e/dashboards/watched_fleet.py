@@ -17,7 +17,7 @@ from testbed.site import Site, free_address
 ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
 # Conditions before the first query of a test: each expression must return something.
 READY = {
-    "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
+    "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 8",
     "confirmed faults": 'count(fleet:ros_diagnostics_fault_start:held{scope="component"}) == 6',
     "what a robot can do": 'fleet:ros_diagnostics_fault_start:held{scope="capability"}',
     "what the fleet can do": 'capability:ros_diagnostics_capability_state:max{robot=""}',
