@@ -169,7 +169,7 @@ class World:
     lasting: set[Identity] = field(default_factory=set)  # began and not ended
     planned: set[str] = field(default_factory=set)  # robots in a downtime
     planned_parts: dict[str, frozenset[str]] = field(default_factory=dict)  # their components
-    grace: float = 0.0
+    grace: float = 0.0  # until then what is absent begins no fault
     booted: dict[str, float] = field(default_factory=dict)  # until when a robot boots
     received: set[tuple[str, str]] = field(default_factory=set)  # since its robot came back
     charges: dict[str, Charge] = field(default_factory=lambda: {each: Charge() for each in ROBOTS})
@@ -205,6 +205,8 @@ class World:
         self.lasting.add(identity)
         assert not self._boots(identity, at), f"began while its robot boots: {identity}"
         assert not self._is_planned(identity), f"began in a downtime: {identity}"
+        is_absent = identity.state in (State.SILENT, State.STALE) and self.clock_set_at == -inf
+        assert not is_absent or at >= self.grace - 0.01, f"began after a restart: {identity}"
         if identity.scope is Scope.COMPONENT:
             known = self.truth[identity.robot, identity.component]
             assert known.fresh, f"began while its robot is silent: {identity}"
@@ -482,6 +484,7 @@ class World:
     def restart(self) -> None:
         """The exporter is started again, and receives all robots at once."""
         up = sorted(self.up)
+        self.grace = self.second + self.player.settings.restart_grace
         # Before time passes, as of what was restored nothing is known yet.
         self._changed(self.player.faults.started(self.player.at(self.second), 0.0))
         self._report_own()
@@ -592,6 +595,10 @@ class World:
                 yield Identity(Scope.COMPONENT, State.CRITICAL, "", robot, "", name)
             if known.fresh and self._recent(known, self.second) >= ENOUGH:
                 yield Identity(Scope.FLAPPING, State.FLAPPING, "", robot, "", name)
+        gone = [max(self.silent_since[each], self.grace) for each in ROBOTS if each not in self.up]
+        is_reached = self.truth.get((UPLINK, "ping"), Truth()).level is OK
+        if len(gone) == len(ROBOTS) and is_reached and not self.planned and max(gone) < latest:
+            yield Identity(Scope.SITE, State.SILENT, site="hall")
         for robot, charge in self.charges.items():
             for severity in charge.below if robot in self.up and charge.known else ():
                 if charge.since < latest:
