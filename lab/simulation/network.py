@@ -73,6 +73,7 @@ class Sender:
     double: float = 0.0
     arrived: float = 0.0  # when the last message did, by a clock that nobody sets
     gaps: int = 0  # between two arrivals, each as long as a silence
+    away: float = 0.0  # the longest time between two arrivals since the process last took any
     parts: dict[str, Part] = field(default_factory=lambda: {each: Part() for each in COMPONENTS})
     charge: Charge = field(default_factory=Charge)
     taken: float = 0.0  # when the process took the last message
@@ -210,6 +211,7 @@ class Site:
             at, _number, name, stamp, statuses = heapq.heappop(self._under_way)
             robot = self.robots[name]
             robot.gaps += at - robot.arrived > STALE_AFTER
+            robot.away = max(robot.away, at - robot.arrived)
             robot.arrived = at
             kept = self._waiting.setdefault(name, [])[-KEPT:]
             self._waiting[name] = [*kept, (stamp, statuses)]
@@ -228,6 +230,8 @@ class Site:
         self._note_clocks()
         self._state.tick(now)
         self._check()
+        for robot in self.robots.values():
+            robot.away = 0.0
 
     def _take(self, robot: Sender, array: Array, now: Instant) -> None:
         robot.taken, robot.offset = self.ran, now.wall - array.stamp
@@ -354,7 +358,8 @@ def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
 def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
     if event.state == "silent":
         least = STALE_AFTER + CONFIRM - LATE
-        return "" if site.time - robot.arrived >= least else "it was just received"
+        away = max(site.time - robot.arrived, robot.away)
+        return "" if away >= least else "it was just received"
     if event.state == "flapping":
         return "" if 2 * robot.gaps >= FEWEST else f"it was away {robot.gaps} times"
     if event.state == "clock":
