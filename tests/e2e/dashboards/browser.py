@@ -84,7 +84,7 @@ class Page:
     def follow(self, path: str) -> None:
         """Open a path of Grafana."""
         self.page.goto(f"http://{self._address}{path}", wait_until="domcontentloaded")
-        self.page.wait_for_selector("section.panel-container, [data-viz-panel-key]", timeout=60_000)
+        self.page.wait_for_selector("section.panel-container, [data-viz-panel-key]")
 
     def panel(self, title: str) -> Any:
         """Return the element of a panel; the second selector is that of Grafana 10 and later."""

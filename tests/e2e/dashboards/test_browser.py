@@ -343,4 +343,7 @@ def test_a_dead_prometheus_looks_well_nowhere(odd: OddSite, odd_page: browser.Pa
         assert well == []
 
 
-DEAD = "Prometheus does not answer: nothing on this page is known, and nobody is notified"
+DEAD = (
+    "Prometheus does not answer: nothing on this page is known, and nobody is notified; "
+    "the exporter's own page says since when"
+)
