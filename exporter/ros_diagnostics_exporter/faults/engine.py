@@ -118,6 +118,11 @@ class Faults:
         """Whether restart_grace is over, and whatever was wrong before the start is a fault."""
         return now.mono >= self._book.settled_at
 
+    @property
+    def due_at(self) -> float:
+        """When (monotonic) the next timer is due; infinite where there is none."""
+        return self._book.timers.next
+
     def advance(self, now: Instant) -> list[Change]:
         """Let time pass; costs nothing while no timer is due."""
         timers = self._book.timers

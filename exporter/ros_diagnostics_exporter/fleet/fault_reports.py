@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from math import inf
 
 from ros_diagnostics_exporter.config.capabilities import FleetCapability
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -59,6 +60,7 @@ class FaultReports:
     def __init__(self, fleet: Fleet, now: Instant, events: deque[Event]) -> None:
         self._fleet = fleet
         self._now = now
+        self.due_at = inf  # when something is due by itself, monotonic
         self._events = events
         self._robots: dict[str, RobotReports] = {}
         self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
@@ -154,6 +156,10 @@ class FaultReports:
         self._own = {each.part: each.message for each in reports}
         self._record(self.engine.own(reports, self._time(now)))
 
+    def advance(self, now: Instant) -> None:
+        """Let time pass, before a robot is changed: what was due begins by what was known then."""
+        self._record(self.engine.advance(self._time(now)))
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
@@ -214,6 +220,7 @@ class FaultReports:
         for name in self.engine.take_followed():
             if name in self._robots:
                 self._robots[name].robot.marks.note(Mark.DETAILS)
+        self.due_at = self.engine.due_at
 
     def _evidence(self, identity: Identity) -> Evidence:
         if identity.scope is Scope.EXPORTER and identity.component in self._own:

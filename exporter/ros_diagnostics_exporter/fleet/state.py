@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -50,7 +49,6 @@ from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.robot_graph import GROUP, SHADOW
 
-log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
 PASS_ON = 16  # robots between two chances of the threads that wait for the lock
@@ -92,6 +90,8 @@ class FleetState(WatchedFleet):
                     self._receive(robot, array, now, raw=raw)
 
     def _receive(self, robot: RobotState, array: Array, now: Instant, *, raw: bool) -> None:
+        if self._faults.due_at <= now.mono:  # of most messages nothing is
+            self._faults.advance(now)
         robot.receive(array, now, raw=raw)
         self._follow(robot, now)
 
@@ -127,14 +127,14 @@ class FleetState(WatchedFleet):
                 is_measured = own or feed.name in robot.measured.answered
                 if not is_measured or not self._is_known(robot):
                     continue
+                self._faults.advance(now)
                 robot.measure(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
                 self._follow(robot, now)
 
     def addresses(self) -> dict[str, str]:
         """The robots' addresses by name, "" where a robot has none."""
         with self._lock:
-            robots = self._registry.robots
-            return {name: each.settings.address or "" for name, each in robots.items()}
+            return {n: each.settings.address or "" for n, each in self._registry.robots.items()}
 
     def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
         """Judge all parts of the exporter itself, as they are now."""
@@ -157,12 +157,12 @@ class FleetState(WatchedFleet):
             with self._lock:
                 if not self._is_known(robot):
                     continue  # dropped: it is not silent
+                self._faults.advance(now)
                 robot.tick(now)
                 if self._missions is not None:
                     self._missions.tick(robot, now)
                 self._follow(robot, now)
-        slow = now.mono - self._slow_tick_at >= SLOW_TICK
-        if slow:
+        if slow := now.mono - self._slow_tick_at >= SLOW_TICK:
             self._slow_tick_at = now.mono
             self._tick_slowly(now)
         with self._lock:

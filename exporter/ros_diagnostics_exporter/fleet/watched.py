@@ -326,6 +326,7 @@ class WatchedFleet(ABC):
             found = self._watch.see_fields(domain_id, topic, kind, data, now)
             due = self._watch.due(domain_id, topic)
         with self._lock:
+            self._faults.advance(now)
             for name, statuses in found.items():
                 robot = self._registry.robots.get(name)
                 if robot is not None:

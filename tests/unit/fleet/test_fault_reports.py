@@ -27,7 +27,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row, State
-from ros_diagnostics_exporter.model import Downtime, Endpoint, Status
+from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Status
 from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, raw_fleet, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -58,6 +58,16 @@ def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
 
 
 # -- components ----------------------------------------------------------------------------------
+
+
+def test_what_was_due_begins_by_what_was_known_before_the_message_that_ends_it():
+    """No tick comes between: the exporter takes a message as soon as it is there."""
+    driver = settled(MOTOR).stand(9, HOT)
+    after = driver.now.mono + 1.1
+    driver.now = Instant(after, WALL + after)
+    began, ended = [each for each in driver.raw(MOTOR).events if each.kind.startswith("fault")]
+    assert (began.kind, ended.kind) == ("fault_began", "fault_ended")
+    assert (began.message, began.details["level"]) == ("Hot", "ERROR")
 
 
 def test_config_says_when_stale_is_critical_and_what_a_level_counts_as():
