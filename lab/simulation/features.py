@@ -499,7 +499,8 @@ class World:
         """Another process goes on from the rows, with the same fleet.yml."""
         self.player.reborn(self.second)
         self._forget_times()
-        if self.own.is_in_trouble:
+        # With the clock set, restart_grace of the rows is another; a start begins it anew.
+        if self.own.is_in_trouble or self.clock_set_at > -inf:
             self.restart()
         self.configure()
 
