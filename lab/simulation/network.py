@@ -234,6 +234,9 @@ class Site:
             robot.away = 0.0
 
     def _take(self, robot: Sender, array: Array, now: Instant) -> None:
+        # As `receive` does first: what was due begins by what was taken before.
+        self._state._faults.advance(now)
+        self._check()
         robot.taken, robot.offset = self.ran, now.wall - array.stamp
         found = {each.name.rpartition("/")[2]: each for each in array.statuses}
         for name in found.keys() & robot.parts if robot.is_raw else COMPONENTS:
