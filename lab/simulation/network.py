@@ -117,7 +117,9 @@ class Site:
         self._waiting: dict[str, list[tuple[float, tuple[Status, ...]]]] = {}
         self._stands_until = self._last_turn = 0.0
         self.doubts = False  # its own clock is known to be wrong
-        self._right_at = 0.0  # when the exporter's own clock was last right, by most robots'
+        # When its own clock was last right for certain, and when it may have been, by most robots.
+        self._right_at = self._may_be_right_at = 0.0
+        self._began = 0.0  # the process
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
         self._start()
 
@@ -182,6 +184,7 @@ class Site:
         rows = [each for each in self._rows.values() if each.fields is not None]
         assert not self._state.restore_faults(rows, self._now())
         self.ran += seconds
+        self._began = self.ran
 
     def clock(self, seconds: float) -> None:
         """The exporter's wall clock is set."""
@@ -247,15 +250,25 @@ class Site:
 
     def _note_clocks(self) -> None:
         """Note which clocks may be right, by what was taken last of each robot."""
-        offsets = [each.offset for each in self.robots.values() if self._is_heard(each)]
-        if len(offsets) >= 3 and abs(median(offsets)) <= RIGHT:
+        right = [
+            self._is_right(late, begin) for late in (0.0, LATE) for begin in (0.0, self._began)
+        ]
+        if all(right):
             self._right_at = self.ran
+        if any(right):
+            self._may_be_right_at = self.ran
         for robot in self.robots.values():
             if abs(robot.offset) <= RIGHT:
                 robot.right_at = self.ran
 
-    def _is_heard(self, robot: Sender) -> bool:
-        return self.ran - robot.taken <= STALE_AFTER + LATE
+    def _is_right(self, late: float, since: float) -> bool:
+        """Whether its own clock is, by the robots that are received or fell silent so lately.
+
+        And that were received after ``since``: another process knows of no others.
+        """
+        first = max(self.ran - STALE_AFTER - late, since)
+        offsets = [each.offset for each in self.robots.values() if each.taken >= first]
+        return len(offsets) >= 3 and abs(median(offsets)) <= RIGHT
 
     # -- what holds --------------------------------------------------------------------------
 
@@ -280,7 +293,7 @@ class Site:
         if self.doubts:
             assert self.is_due(self._right_at, CLOCK_TIME), (self.time, event)
         else:
-            assert self._right_at >= self.ran - LATE, (self.time, event)
+            assert self._may_be_right_at >= self.ran - LATE, (self.time, event)
 
     def is_due(self, since: float, confirm_after: float) -> bool:
         """Whether a problem may be a fault that was not there at that time."""
