@@ -152,6 +152,7 @@ GRIPPER = Status(OK, "Gripper", "", "", (("Force:", "12 N"), ("Mode", " Auto "))
     ("condition", "holds"),
     [
         ("{component: Gripper, level: OK}", True),
+        ("{component: Battery, level: ERROR}", True),
         ("{component: Gripper, level: [WARN, ERROR]}", False),
         ("{component: grip, key: Force, above: 10}", True),
         ("{component: Gripper, key: Force, above: 12}", False),

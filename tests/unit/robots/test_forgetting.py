@@ -66,6 +66,7 @@ def test_a_discovered_robot_stays_until_a_person_takes_it_out_with_what_was_not_
     status, rules, stays
 ):
     driver = discovered(**rules).raw_every(1, 5, status, LASER)
+    assert driver.component("Motor 1").was_ok is not stays
     driver.state.update_graph(0, {}, driver.now)
     for seconds in (1_000, 1_500):
         assert [each.name for each in driver.at(seconds).robot.components] == ["Motor 1"] * stays

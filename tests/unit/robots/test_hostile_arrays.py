@@ -80,7 +80,7 @@ def test_a_text_without_end_is_cut_wherever_it_stands_and_said_once(status, capl
 
 
 def test_an_array_of_usual_texts_is_taken_as_it_is():
-    array = Array(0.0, (Status(OK, "Motor", "x" * MAX_TEXT),), 2 * MAX_TEXT)
+    array = Array(0.0, (Status(OK, *["x" * MAX_TEXT] * 3),), 3 * MAX_TEXT)
     assert truncate_array(array) is array
 
 
@@ -100,7 +100,7 @@ def test_names_of_nothing_but_slashes_do_not_cost_their_square(topic):
 
 
 def test_a_component_keeps_as_many_key_values_as_the_limits_allow(caplog):
-    driver = bounded_story(values=50)
+    driver = bounded_story(values=50, robot_series=50)
     same = tuple(("k", f"{n}") for n in range(200_000))
     send(driver, RAW, Status(OK, "Motor", "", "", same))
     send(driver, RAW, Status(OK, "Motor", "", "", same[::-1]))

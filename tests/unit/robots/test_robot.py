@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.model import Endpoint, Status
 from ros_diagnostics_exporter.robots.updates import is_of_graph
+from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.robot_graph import GROUP
 from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, WALL, WARN, StateDriver, tree
 
@@ -191,6 +192,14 @@ def test_time_is_the_receivers_never_the_stamps():
 
     assert driver.sample("robot_up") == 1
     assert driver.sample("robot_clock_offset_seconds") == 3600
+
+
+def test_a_clock_is_behind_as_the_stamps_say_and_without_stamps_as_the_link_does():
+    driver = StateDriver()
+    for stamp, behind in ((0.0, 5.0), (WALL - 3600, 3600.0)):
+        driver.raw(MOTOR, stamp=stamp)
+        driver.robot.update_link(LinkReading(1, 0, 0.0, 0.0, behind=5.0))
+        assert driver.robot.clock_behind == behind
 
 
 # -- identity --------------------------------------------------
