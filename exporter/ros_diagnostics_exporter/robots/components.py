@@ -64,11 +64,10 @@ class Components:
     # labels by group, see `unique_name`
     _taken: dict[str, dict[str, int]] = field(default_factory=dict)
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
-    # Arrays alone, which have all that is published; `_is_received`: by whatever.
+    # Arrays alone, which have all that is published.
     last_array: float = -inf  # when it was received, monotonic
     arrays_since: float = -inf  # when they came again, monotonic
     has_arrays: bool = False  # since the robot was silent
-    _is_received: bool = False
     _is_lossy: bool = False  # so are too many of its messages that say nothing
     _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
     _checked_at: int = -1  # the last change that `_checked` is made of
@@ -340,7 +339,7 @@ class Components:
         """Note that an array is received, as none was for long: all that is published could be."""
         self.has_arrays, self.arrays_since = True, now.mono
         absence = 0.0 if self.last_array == -inf else now.mono - self.last_array
-        self._resume(now, absence, published=True)
+        self.resume(now, absence, published=True)
 
     def receives_arrays(self, now: Instant) -> bool:
         """Whether arrays are received."""
@@ -356,15 +355,11 @@ class Components:
         is_so = self.has_arrays and self.receives_arrays(now) and not self._is_lossy
         return now.mono - self.arrays_since - TIME_TO_START if is_so else 0.0
 
-    def resume(self, now: Instant, absence: float) -> None:
-        """Go on with what is made of fields, as many seconds after anything was received."""
-        self._is_received = True
-        self._resume(now, absence, published=False)
-
-    def _resume(self, now: Instant, absence: float, *, published: bool) -> None:
+    def resume(self, now: Instant, absence: float, *, published: bool) -> None:
         """Give what is published only on a change its level again: its source is back.
 
-        What nobody could repeat has not ended: neither ``absence`` counts, nor the time to start.
+        Those are the robot's arrays, or unless ``published`` the topics of fields. What nobody
+        could repeat has not ended: neither ``absence`` counts, nor the time to start.
         """
         for component in self.by_identity.values():
             if component.is_on_change and component.is_published is published:
@@ -390,7 +385,7 @@ class Components:
 
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
-        self._is_received = self.has_arrays = False
+        self.has_arrays = False
         for component in self.by_identity.values():
             if component.feed is None:
                 self._set_level(component, STALE, now)
@@ -411,22 +406,22 @@ class Components:
 
     # -- time --------------------------------------------------------------------------------
 
-    def mark_late_stale(self, now: Instant) -> None:
+    def mark_late_stale(self, now: Instant, *, up: bool) -> None:
         """Make the components that are late STALE; cheap as long as none can be."""
         if now.mono <= self.next_late:
             return
         self.next_late = inf
         for component in self.by_identity.values():
-            due = self._due(component, now)
+            due = self._due(component, now, up=up)
             if now.mono > due:
                 self._lapse(component, now)
             else:
                 self.next_late = min(self.next_late, due)
 
-    def _due(self, component: Component, now: Instant) -> float:
+    def _due(self, component: Component, now: Instant, *, up: bool) -> float:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
-            is_known = self.receives_arrays(now) if component.is_published else self._is_received
+            is_known = self.receives_arrays(now) if component.is_published else up
             return component.ends_at if is_known and not self._is_lossy else inf
         if component.is_stale or component.received is None:
             return inf

@@ -33,7 +33,6 @@ class RobotConditions:
 
     def __init__(self, robot: RobotState) -> None:
         self._robot = robot
-        self._profile: Profile | None = None
         self._read = -1  # the last change of names that was read
         self._watches: dict[tuple[Component | None, Condition], Watch] = {}
         self._watched: dict[Component, list[Watch]] = {}  # by a component that they ask about
@@ -60,11 +59,9 @@ class RobotConditions:
         say something else of them than before.
         """
         profile, names = self._robot.settings.profile, self._robot.marks.at[Mark.NAMES]
-        if everything or profile is not self._profile:
-            self._profile, self._read = profile, -1
         if not (profile.has_conditions or self._conditional):
             return {}
-        if names > self._read:
+        if everything or names > self._read:
             self._read = names
             return self._start_over(profile)
         touched: dict[Component, None] = {}
@@ -172,7 +169,7 @@ class Watch:
 def _is_asked(condition: Condition, component: Component) -> bool:
     """Whether the component has what the condition is about, as far as it is known."""
     if condition.levels:
-        return component.level >= 0
+        return True
     last = component.last
     return component.is_stale if last is None else any(_pairs(condition, component))
 

@@ -223,7 +223,7 @@ class RobotState:
     def _note_received(self, now: Instant) -> None:
         gap = 0.0 if self.last_mono is None else now.mono - self.last_mono
         if not self.up or gap > self.settings.profile.stale_after:
-            self.components.resume(now, gap)
+            self.components.resume(now, gap, published=False)
         if not self.up:
             self.record("received", now)
             self.up = True
@@ -319,7 +319,7 @@ class RobotState:
             self.components.mark_all_stale(now)
             self.record("silent", now)
         else:
-            self.components.mark_late_stale(now)
+            self.components.mark_late_stale(now, up=self.up)
 
     @property
     def next_tick(self) -> float:
