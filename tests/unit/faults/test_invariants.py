@@ -95,7 +95,7 @@ def test_a_seed_breaks_nothing(seed):
     play(random_history(seed))
 
 
-FAILED_BEHIND_A_NETWORK = (68, 2004, 2118, 2165)
+FAILED_BEHIND_A_NETWORK = (68, 2004, 2118, 2165, 3000023, 3000029, 3100083)
 
 
 @pytest.mark.parametrize("seed", [*FAILED_BEHIND_A_NETWORK, *range(12)])
