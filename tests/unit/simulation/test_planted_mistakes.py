@@ -34,3 +34,13 @@ def test_every_mistake_can_be_planted(tmp_path):
     """So that a change of faults/ that moves one is noticed at once."""
     for number, mistake in enumerate(MISTAKES):
         planted(tmp_path / str(number), *MISTAKES[mistake])
+
+
+def test_a_seed_that_fails_already_finds_no_mistake(tmp_path):
+    environment = planted(tmp_path, *MISTAKES["begins at once"])
+    argv = [sys.executable, "-m", "simulation", "--planted", "--features", "1"]
+
+    done = subprocess.run(argv, env=environment, capture_output=True, text=True, check=False)
+
+    assert done.returncode == 1, done.stderr[-2000:]
+    assert done.stdout.startswith("seed 1 fails without a mistake, by AssertionError in ")
