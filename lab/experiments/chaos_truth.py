@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, NamedTuple
 
+KIND = "thesis"  # of the robots
 COMPONENTS = ("Motor 1", "Motor 2", "Motor 3", "Sensor 1", "Sensor 2", "Laser 1", "Cam 1")
 FIRST, EVERY, LAST = 60.0, 12.0, 150.0  # seconds: the first one, each next, and none at the end
 SHORTEST, LONGEST = 50.0, 110.0  # seconds of an incident
@@ -105,7 +106,7 @@ def scenario(robots: int, seconds: float, seed: int) -> dict[str, Any]:
         parts.append((robot, component))
         what = random.choice(tuple(STATES))
         events.append({**event, "robot": robot, "component": component, "what": what})
-    kind = {"kind": "thesis", "count": robots}
+    kind = {"kind": KIND, "count": robots}
     return {"description": "chaos", "seed": seed, "robots": [kind], "events": events}
 
 
