@@ -49,7 +49,7 @@ def alert_of(scope: str, state: str) -> str:
 def link_to(alert: str, names: Mapping[str, object]) -> str:
     """The path of a runbook with the names that are known, below ``runbooks/``."""
     known = {name: names[name] for name in NAMES if names.get(name)}
-    return f"{alert}?{urlencode(known)}" if known else alert
+    return f"{alert}?{urlencode(known, errors='replace')}" if known else alert
 
 
 def filled_in(alert: str, names: Mapping[str, str]) -> str | None:

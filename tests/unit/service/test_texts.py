@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -73,6 +73,7 @@ def _part(**named: str) -> dict[str, str]:
 
 
 @given(TEXTS, TEXTS)
+@example("", "\ud800")  # in the link of a runbook
 def test_the_pages_have_only_printable_text(name, text):
     event = Event(1_000.0, "level", name, text, text, "OK", "ERROR", text)
     log = EventLog()
