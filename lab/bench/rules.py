@@ -134,8 +134,8 @@ def evaluating(exporter: str) -> Iterator[Site]:
     with tempfile.TemporaryDirectory() as folder, Site(Path(folder)) as site:
         site.start_prometheus(exporters=[exporter], edit=_without_alertmanager)
         site.wait_until_ready()
-        scraped = 'up{job="ros-diagnostics"} == 1'
-        until(lambda: site.query(scraped), "the target is scraped", 60)
+        scraped = 'up{job="ros-diagnostics"} == 1 and on () prometheus_build_info'
+        until(lambda: site.query(scraped), "the target and Prometheus itself are scraped", 60)
         yield site
 
 
