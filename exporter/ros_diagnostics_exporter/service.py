@@ -68,7 +68,7 @@ class Service:
     WEEK = 60.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
-    UNREAD = 150.0  # seconds without a scrape of the faults, of which two may be a minute apart
+    UNREAD = 150.0  # seconds without a scrape of the faults: two that are a minute apart may fail
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
 

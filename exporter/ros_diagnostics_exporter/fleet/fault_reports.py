@@ -170,7 +170,7 @@ class FaultReports:
             self._report_fleet(now)
             for reports in self._robots.values():
                 self._record(reports.end_unrepeated(self.engine, now))
-        self._record(self.engine.advance(now))
+        self.advance(now)
 
     def restore(self, rows: Iterable[Row], now: Instant) -> list[Row]:
         """Go on from the rows of an earlier process; returns those that cannot be restored.

@@ -157,7 +157,6 @@ class FleetState(WatchedFleet):
             with self._lock:
                 if not self._is_known(robot):
                     continue  # dropped: it is not silent
-                self._faults.advance(now)
                 robot.tick(now)
                 if self._missions is not None:
                     self._missions.tick(robot, now)
@@ -171,6 +170,7 @@ class FleetState(WatchedFleet):
     def _due(self, now: Instant) -> list[RobotState]:
         due: list[RobotState] = []
         with self._lock:
+            self._faults.advance(now)  # by what was known before they are looked at
             while self._ticks.next < now.mono:
                 due += self._ticks.pop()
             for robot in due:
