@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
-from ros_diagnostics_exporter.robots.persisted import PersistedComponent
+from ros_diagnostics_exporter.robots.persisted import PersistedComponent, PersistedSaid
 from ros_diagnostics_exporter.robots.values import ComponentValues
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
@@ -287,13 +287,16 @@ class Component:
             said=self._persisted_said(),
         )
 
-    def _persisted_said(self) -> dict[str, tuple[int, bool]]:
+    def _persisted_said(self) -> dict[str, PersistedSaid]:
         """What each publisher said last, where something of it is wrong."""
         if self.said is not None:
-            return {name: (each.status.level, each.is_beyond) for name, each in self.said.items()}
-        level, is_beyond = self.published or OK, self.values.beyond
-        is_wrong = self.publisher and (level != OK or is_beyond)
-        return {self.publisher: (level, is_beyond)} if is_wrong else {}
+            return {
+                name: PersistedSaid(each.status.level, each.is_beyond, each.status.hardware_id)
+                for name, each in self.said.items()
+            }
+        said = PersistedSaid(self.published or OK, self.values.beyond, self.hardware_id)
+        is_wrong = said.level != OK or said.is_beyond
+        return {self.publisher: said} if self.publisher and is_wrong else {}
 
     def restore(self, persisted: PersistedComponent, now: Instant) -> None:
         """Restore what an earlier process knew: STALE until it is received."""
@@ -312,9 +315,12 @@ class Component:
         name, _group, _id = self.identity
         self.said = {
             publisher: Said(
-                Status(said, name, self.message, self.hardware_id), now.mono, FIRST_GAP, is_beyond
+                Status(said.level, name, self.message, said.hardware_id or self.hardware_id),
+                now.mono,
+                FIRST_GAP,
+                said.is_beyond,
             )
-            for publisher, (said, is_beyond) in persisted.said.items()
+            for publisher, said in persisted.said.items()
         } or None
 
     def note_raw(self, mono: float) -> None:

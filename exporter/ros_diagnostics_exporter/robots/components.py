@@ -192,13 +192,18 @@ class Components:
             self._taken.pop(component.group, None)
 
     def split_by_hardware_id(self, name: str, now: Instant) -> None:
-        """Make a component of each name and hardware_id from now on."""
+        """Make a component of each name and hardware_id from now on.
+
+        The one before goes on as that of the hardware_id whose status counts.
+        """
         if name not in self.split_names and len(self.split_names) < MAX_SPLIT_NAMES:
             self.split_names.add(name)
             component = self.by_identity.get((name, "", ""))
             if component is not None and component.hardware_id:
                 component.publisher, component.said = "", None
-                self.identify(component, (name, "", component.hardware_id), now)
+                last = component.last
+                counted = component.hardware_id if last is None else last.hardware_id
+                self.identify(component, (name, "", counted), now)
 
     def remove(self, component: Component) -> None:
         """Remove one component, with all that is known about it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter
 
@@ -18,13 +18,23 @@ Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
 
 
+class PersistedSaid(NamedTuple):
+    """What a publisher of a component said last; ``is_beyond`` as in `component.Said`.
+
+    A database of an earlier version has no hardware_id.
+    """
+
+    level: Published
+    is_beyond: bool
+    hardware_id: Text = ""
+
+
 @dataclass(frozen=True, slots=True)
 class PersistedComponent:
     """One component; ``identity`` as in ``component``, times are Unix time.
 
     ``name`` is the one that it keeps until its fault is over, where its identity has another;
-    ``reported`` the level that was published last, ``said`` those by each publisher, and
-    whether a value of it was beyond a threshold.
+    ``reported`` the level that was published last, ``said`` what each publisher said.
     """
 
     identity: tuple[Text, Text, Text]
@@ -37,7 +47,7 @@ class PersistedComponent:
     listed: Moment
     name: Text | None = None
     reported: Published | None = None
-    said: dict[Text, tuple[Published, bool]] = field(default_factory=dict)
+    said: dict[Text, PersistedSaid] = field(default_factory=dict)
 
     def shifted(self, later: float, latest: float) -> PersistedComponent:
         """It, listed ``later`` by so many seconds, and nothing of it after ``latest``."""

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.robots.component import (
     QUERY,
     Component,
     Identity,
+    Said,
 )
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.rejections import Reject
@@ -139,7 +140,7 @@ class RawUpdates:
                 if last is not status and last is not None and last[3] != status[3]:
                     is_back = has_returned(component, publisher)
                     if is_back or are_by_id(self._suspects, last, status, now):
-                        components.split_by_hardware_id(name, now)
+                        self._split(name, now)
                         component = components.by_identity.get(self._identity(status))
             if component is None:
                 component = components.get_or_add(self._identity(status), _node_of(name), now)
@@ -153,6 +154,26 @@ class RawUpdates:
     def _identity(self, status: Status) -> Identity:
         is_split = status.name in self._components.split_names
         return status.name, "", status.hardware_id if is_split else ""
+
+    def _split(self, name: str, now: Instant) -> None:
+        """Make a component of each hardware_id, of which counts what its publishers said last.
+
+        Who publishes only on a change does not say it again.
+        """
+        components = self._components
+        if name in components.split_names:
+            return
+        shared = components.by_identity.get((name, "", ""))
+        said = {} if shared is None or not shared.reports else shared.said or {}
+        components.split_by_hardware_id(name, now)
+        of_each: dict[Identity, dict[str, Said]] = {}
+        for publisher, each in said.items():
+            of_each.setdefault(self._identity(each.status), {})[publisher] = each
+        for identity, said in of_each.items():
+            component = components.get_or_add(identity, _node_of(name), now)
+            if component is not None:
+                component.said = said
+                components.update(component, worst(component, components, self._writers, now), now)
 
     def _worst_said(
         self, component: Component, status: Status, publisher: str, now: Instant
@@ -190,7 +211,7 @@ class RawUpdates:
                 ids.setdefault(status.name, set()).add(status.hardware_id)
         for name, several in ids.items():
             if len(several) > 1:
-                self._components.split_by_hardware_id(name, now)
+                self._split(name, now)
         found: dict[Identity, Status] = {}
         for status in statuses:
             identity = self._identity(status)

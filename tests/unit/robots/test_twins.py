@@ -286,8 +286,27 @@ def test_the_latest_counts_where_publishers_have_names_no_more():
     assert (driver.raw(SERIAL).fault_names(), driver.component("rosserial").said) == (set(), None)
 
 
+@pytest.mark.parametrize("restart", [False, True])
+def test_what_each_said_counts_once_they_are_told_apart(tmp_path, restart):
+    rule = ComponentRule(re.compile("lidar"), reports="on_change")
+    driver = StateDriver(components=(rule,))
+    left, right = LEFT._replace(level=ERROR), RIGHT._replace(level=ERROR)
+    driver.raw(right, publisher="b").at(1).raw(left, publisher="a").at(2)
+    if restart:
+        driver = driver.again(tmp_path / "state")
+    for status, publisher in ((right, "c"), (left, "a"), (right, "c")):
+        level = WARN if publisher == "c" else ERROR  # b does not take back what it said
+        driver.raw(status._replace(level=level), publisher=publisher).at(driver.now.mono + 1)
+    for _ in range(60):
+        driver.raw(Status(OK, "Motor")).at(driver.now.mono + 1)
+    assert driver.fault_names() == {
+        ("component", "critical", "r", "lidar", "lidar: Status [left]"),
+        ("component", "critical", "r", "lidar", "lidar: Status [right]"),
+    }
+
+
 @pytest.mark.parametrize(
-    "seed", [1, 47, 54, 73, 130, 731, 20017]
+    "seed", [1, 47, 54, 73, 130, 731, 20017, 3001127]
 )  # each failed before something was mended
 def test_whatever_happens_nothing_recovers_that_one_of_them_says_is_error(seed):
     simulated.play(seed)
