@@ -56,6 +56,26 @@ class Part:
 
 
 @dataclass
+class Clock:
+    """When a clock was last right: ``perhaps``, and for long enough that it is surely seen.
+
+    Clocks are looked at once a second, so that one turn may be missed.
+    """
+
+    perhaps: float = 0.0
+    surely: float = 0.0
+    _was_right: bool = False
+
+    def note(self, at: float, *, is_right: bool, may_be_right: bool) -> None:
+        """Note whether it is right in this turn."""
+        if may_be_right:
+            self.perhaps = at
+        if is_right and self._was_right:
+            self.surely = at
+        self._was_right = is_right
+
+
+@dataclass
 class Sender:
     """A robot as it is, what its network does, and what came of it.
 
@@ -78,7 +98,7 @@ class Sender:
     charge: Charge = field(default_factory=Charge)
     taken: float = 0.0  # when the process took the last message
     offset: float = 0.0  # of that message
-    right_at: float = 0.0  # when its clock was last right, by that
+    clock_right: Clock = field(default_factory=Clock)  # by that
 
     @property
     def is_raw(self) -> bool:
@@ -117,8 +137,7 @@ class Site:
         self._waiting: dict[str, list[tuple[float, tuple[Status, ...]]]] = {}
         self._stands_until = self._last_turn = 0.0
         self.doubts = False  # its own clock is known to be wrong
-        # When its own clock was last right for certain, and when it may have been, by most robots.
-        self._right_at = self._may_be_right_at = 0.0
+        self._own_clock = Clock()  # by most robots
         self._began = 0.0  # the process
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
         self._start()
@@ -253,13 +272,10 @@ class Site:
         right = [
             self._is_right(late, begin) for late in (0.0, LATE) for begin in (0.0, self._began)
         ]
-        if all(right):
-            self._right_at = self.ran
-        if any(right):
-            self._may_be_right_at = self.ran
+        self._own_clock.note(self.ran, is_right=all(right), may_be_right=any(right))
         for robot in self.robots.values():
-            if abs(robot.offset) <= RIGHT:
-                robot.right_at = self.ran
+            is_right = abs(robot.offset) <= RIGHT
+            robot.clock_right.note(self.ran, is_right=is_right, may_be_right=is_right)
 
     def _is_right(self, late: float, since: float) -> bool:
         """Whether its own clock is, by the robots that are received or fell silent so lately.
@@ -291,9 +307,9 @@ class Site:
         assert (event.scope, event.component) == ("exporter", "clock"), event
         self.doubts = event.kind == "fault_began"
         if self.doubts:
-            assert self.is_due(self._right_at, CLOCK_TIME), (self.time, event)
+            assert self.is_due(self._own_clock.surely, CLOCK_TIME), (self.time, event)
         else:
-            assert self._may_be_right_at >= self.ran - LATE, (self.time, event)
+            assert self._own_clock.perhaps >= self.ran - LATE, (self.time, event)
 
     def is_due(self, since: float, confirm_after: float) -> bool:
         """Whether a problem may be a fault that was not there at that time."""
@@ -379,7 +395,7 @@ def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
     if event.state == "flapping":
         return "" if 2 * robot.gaps >= FEWEST else f"it was away {robot.gaps} times"
     if event.state == "clock":
-        is_due = site.is_due(robot.right_at, CLOCK_TIME) and not site.doubts
+        is_due = site.is_due(robot.clock_right.surely, CLOCK_TIME) and not site.doubts
         return "" if is_due else "its clock was just right, or the exporter's is wrong"
     return "nothing of the kind happened"
 
@@ -390,7 +406,7 @@ def _wrong_end(site: Site, robot: Sender, event: Event) -> str:
     if site.ran - robot.taken > STALE_AFTER + LATE:
         return "its robot is silent"
     if event.state == "clock":
-        return "" if robot.right_at >= site.ran - LATE else "its clock is wrong"
+        return "" if robot.clock_right.perhaps >= site.ran - LATE else "its clock is wrong"
     if part is None or event.scope == "flapping":
         return ""
     if event.scope == "value":
