@@ -243,6 +243,8 @@ class Site:
         self.ran += min(self.time - self._last_turn, Clocks.LONGEST)
         self._last_turn, now = self.time, self._now()
         if self._random.random() < 0.5:
+            if any(self._may_be_right()):  # by those that did not just fall silent
+                self._own_clock.perhaps = self.ran
             self._state.tick(now)
             self._check()
         waiting, self._waiting = self._waiting, {}
@@ -269,13 +271,15 @@ class Site:
 
     def _note_clocks(self) -> None:
         """Note which clocks may be right, by what was taken last of each robot."""
-        right = [
-            self._is_right(late, begin) for late in (0.0, LATE) for begin in (0.0, self._began)
-        ]
+        right = self._may_be_right()
         self._own_clock.note(self.ran, is_right=all(right), may_be_right=any(right))
         for robot in self.robots.values():
             is_right = abs(robot.offset) <= RIGHT
             robot.clock_right.note(self.ran, is_right=is_right, may_be_right=is_right)
+
+    def _may_be_right(self) -> list[bool]:
+        """Whether its own clock is, by each set of robots that it may go by."""
+        return [self._is_right(late, begin) for late in (0.0, LATE) for begin in (0.0, self._began)]
 
     def _is_right(self, late: float, since: float) -> bool:
         """Whether its own clock is, by the robots that are received or fell silent so lately.
