@@ -489,8 +489,10 @@ class World:
         self._changed(self.player.faults.started(self.player.at(self.second), 0.0))
         self._report_own()
         self.up.clear()
-        for known in self.truth.values():
+        for (_robot, name), known in self.truth.items():
             known.fresh = False
+            if known.level is STALE and name in COMPONENTS and COMPONENTS[name].planned_stale:
+                known.boots = 0.0  # it is at rest: of such a one nothing is written
         self.engine(back(UPLINK))
         for robot in up:
             self.back(robot, boots=False)
