@@ -45,6 +45,8 @@ class Twins:
     has_ids: bool  # they have hardware_ids
     nodes: tuple[Node, Node] = field(default_factory=lambda: (Node("left"), Node("right")))
     ended: int = 0  # events that were checked
+    # hardware_ids of components by label: one whose fault is over may have another label now
+    ids: dict[str, str] = field(default_factory=dict)
 
     def say(self, node: Node, level: int) -> None:
         """A node says something."""
@@ -88,8 +90,7 @@ class Twins:
 
     def of(self, component: str) -> list[Node]:
         """The nodes that publish a component: once they are told apart, one."""
-        ids = (each.identity[2] for each in self.driver.robot.components if each.label == component)
-        hardware_id = next(ids, "")
+        hardware_id = self.ids.get(component, "")
         return [each for each in self.nodes if hardware_id in ("", each.name)]
 
     def reload(self, confirm_after: float) -> None:
@@ -102,6 +103,8 @@ class Twins:
     def check(self) -> None:
         """Nothing recovers that a node said last is ERROR."""
         events = self.driver.events
+        now = {each.label: each.identity[2] for each in self.driver.robot.components}
+        self.ids = {**self.ids, **now}
         for each in events[self.ended :]:
             if each.reason == "recovered" and each.component and each.state == "critical":
                 said = {node.name: node.level for node in self.of(each.component)}
