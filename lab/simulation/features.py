@@ -454,6 +454,7 @@ class World:
         """What a query measures of the uplink of all robots."""
         how = ComponentSettings(CONFIRM, measured=True, uplink=True)
         known = self.truth.setdefault((UPLINK, "ping"), Truth())
+        self._note_change(UPLINK, "ping", level)
         known.level, known.fresh = level, True
         known.since = self.second
         report = ComponentReport(ComponentName("", "ping"), level, how)

@@ -136,6 +136,7 @@ class Site:
         self._numbers = count()
         self._waiting: dict[str, list[tuple[float, tuple[Status, ...]]]] = {}
         self._stands_until = self._last_turn = 0.0
+        self._stood = 0.0  # seconds of its pauses that do not count, since it was started
         self.doubts = False  # its own clock is known to be wrong
         self._own_clock = Clock()  # by most robots
         self._began = 0.0  # the process
@@ -202,8 +203,8 @@ class Site:
         self._state.restore(robots, self._now())
         rows = [each for each in self._rows.values() if each.fields is not None]
         assert not self._state.restore_faults(rows, self._now())
-        self.ran += seconds
-        self._began = self.ran
+        self.ran += seconds + self._stood  # what was written has the time of day alone
+        self._began, self._stood = self.ran, 0.0
 
     def clock(self, seconds: float) -> None:
         """The exporter's wall clock is set."""
@@ -240,7 +241,9 @@ class Site:
 
     def _turn(self) -> None:
         """The process lets time pass and takes what waits for it, in any order."""
-        self.ran += min(self.time - self._last_turn, Clocks.LONGEST)
+        passed = self.time - self._last_turn
+        self.ran += min(passed, Clocks.LONGEST)
+        self._stood += max(passed - Clocks.LONGEST, 0.0)
         self._last_turn, now = self.time, self._now()
         if self._random.random() < 0.5:
             if any(self._may_be_right()):  # by those that did not just fall silent
