@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import faulthandler
+import gc
 import logging
 import os
 import signal
@@ -36,6 +37,10 @@ from ros_diagnostics_exporter.web.server import AddressError, ListenError, Serve
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 _log = logging.getLogger(__name__)
+
+# New objects from one collection of garbage to the next, Python's default is 700: messages make
+# thousands and drop as many, which are no garbage, and looking at them took a tenth of the CPU.
+NEW_OBJECTS = 20_000
 
 
 def notify(state: str) -> None:
@@ -137,6 +142,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
         check_zenoh()
     logs.write_aside(*LOGGED_UNDER_LOCK)
     faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is
+    gc.set_threshold(NEW_OBJECTS)
     service = Service(
         fleet,
         options.config_file,

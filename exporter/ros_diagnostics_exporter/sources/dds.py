@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import partial
 from importlib import metadata
-from time import monotonic, thread_time
+from time import monotonic
 from typing import Any
 
 from typing_extensions import override
@@ -72,10 +72,6 @@ NODE_NAME = "ros_diagnostics_exporter"
 # milliseconds each where there are thousands; the others' turn comes at the next looks.
 MAX_ASKED = 500
 SELDOM = 5  # looks at the graph from one question about a topic with messages to the next
-# Asking for all topics costs tens of milliseconds of CPU where there are thousands. While they stay
-# the same, at most this share of the time is spent on it: then looks are further apart than
-# ``poll_interval``, up to five times as far.
-LOOK_SHARE, MAX_STRETCH = 0.01, 5
 MOST_STRANGE = 30  # looks at a graph that has no publisher of messages, until it never will
 LINKS = 5.0  # seconds between two looks at how messages arrive
 
@@ -146,7 +142,6 @@ class DdsDomain(Reception):
         self._known: dict[str, tuple[tuple[int, tuple[str, ...], str], Endpoint]] = {}
         self._looks = 0
         self._odd: list[str] = []  # of the look under way
-        self._cost = 0.0  # CPU seconds of the last list of all topics
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
         self._asked_last, self._asked_at = "", 0.0  # the last topic; when, monotonic
@@ -232,9 +227,7 @@ class DdsDomain(Reception):
             self._strange = 0 if is_known else self._strange + 1
 
     def _list_topics(self, node: Node) -> Topics:
-        begin = thread_time()
         topics, unreadable = list_topics(node)
-        self._cost = thread_time() - begin
         if unreadable:
             self._note_odd(
                 f"{len(unreadable)} topics have a name that is no UTF-8: {unreadable[0]}"
@@ -270,9 +263,7 @@ class DdsDomain(Reception):
         self._known = {name: self._known[name] for name in types if name in self._known}
         topics = {name: endpoint for name, (_state, endpoint) in self._known.items()}
         self.receiver.update_graph(self._domain, topics, now)
-        if types == self._types and types.keys() == self._known.keys():
-            stretched = min(self._cost / LOOK_SHARE, MAX_STRETCH * self.poll_interval)
-            self.look_at = max(self.look_at, now.mono + stretched)
+        self.is_same = types == self._types and types.keys() == self._known.keys()
         self._types = types
 
     def _subscribe_wanted(self, topics: Mapping[str, Endpoint]) -> Iterator[None]:

@@ -41,6 +41,9 @@ LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
 MAX_HISTORY = 64 << 20
 # Seconds of one turn: for the look at the graph, for taking one topic's bytes, for decoding.
 LOOK_TIME, DRAIN_TIME, DECODE_TIME = 0.05, 0.05, 0.25
+# A graph of thousands costs a look a tenth of a second. While it stays the same, at most this share
+# of the time is spent on looks: they are further apart than ``poll_interval``, up to five times.
+LOOK_SHARE, MAX_STRETCH = 0.02, 5
 MAX_ERROR = 200  # characters of why a domain could not be joined
 Count = Callable[[float, float], None]  # takes CPU seconds of decoding, and of taking in
 
@@ -110,11 +113,13 @@ class Reception(ABC):
         self.joined_at = inf  # monotonic
         self.addresses: frozenset[str] = frozenset()  # of this machine when it was joined
         self.look_at = 0.0  # when the graph is looked at again, monotonic
+        self.is_same = False  # what the look under way, or the last one, has found as before
         self._domain = domain
         self._count = count
         self._waiting: dict[str, Content] = {}  # topics with messages to decode
         self._logged: dict[tuple[str, str], float] = {}
         self._look: Iterator[None] | None = None
+        self._look_cost = 0.0  # CPU seconds of that look
         self._is_open = False
         self.loop = Loop(f"domain-{domain}", TAKE_INTERVAL, self._turn, end=self.leave)
 
@@ -258,16 +263,21 @@ class Reception(ABC):
 
     def _look_on(self) -> None:
         """Go on with the look under way, or begin one that is due, for at most ``LOOK_TIME``."""
-        begin = time.monotonic()
+        begin, cpu = time.monotonic(), time.thread_time()
         if self._look is None:
             if begin < self.look_at:
                 return
             self.look_at = begin + self.poll_interval
-            self._look = self.look()
+            self._look, self._look_cost, self.is_same = self.look(), 0.0, False
         for _ in self._look:
             if time.monotonic() - begin >= LOOK_TIME:
-                return
-        self._look = None
+                break
+        else:
+            self._look = None
+        self._look_cost += time.thread_time() - cpu
+        if self._look is None and self.is_same:
+            apart = min(self._look_cost / LOOK_SHARE, MAX_STRETCH * self.poll_interval)
+            self.look_at = max(self.look_at, begin + apart)
 
     # -- topics ---------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources import reception
 from ros_diagnostics_exporter.sources.listener import Listener
 from support.ros_publisher import publisher
 from testbed import domains
@@ -285,11 +286,11 @@ def test_looks_at_a_large_graph_that_stays_the_same_are_further_apart(
         return ask(node)
 
     monkeypatch.setattr(ros.Node, "get_topic_names_and_types", noted)
-    monkeypatch.setattr(ros, "LOOK_SHARE", 1e-9)  # so that this graph is a large one
+    monkeypatch.setattr(reception, "LOOK_SHARE", 1e-9)  # so that this graph is a large one
     robots.offer("/here/diagnostics")
     running = run_exporter(Fleet("f", (robot("here", ros_domain), robot("late", ros_domain))))
     running.wait_for("robot_publishers", 1, robot="here")
-    longest = 0.9 * ros.MAX_STRETCH  # intervals are a second
+    longest = 0.9 * reception.MAX_STRETCH  # intervals are a second
     until(
         lambda: any(after - before > longest for before, after in pairwise(looks)),
         lambda: f"looks at {looks}",
