@@ -235,6 +235,9 @@ class World:
         for each, ended in self.over_at.items():
             planned_at = self.planned_at.get(identity.robot, -inf)
             is_just_over = ended <= at < ended + CONFIRM - 0.01 and planned_at < ended
+            if identity.scope is Scope.FLAPPING:  # what changed since then, nothing explains
+                changes = self.truth[identity.robot, identity.component].changes
+                is_just_over &= sum(change >= ended for change in changes) < FEWEST
             is_cause = each.scope in (Scope.SITE, Scope.COMMON)
             assert not (is_cause and is_just_over and _says(each, identity)), (each, identity)
 

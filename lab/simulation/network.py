@@ -379,16 +379,17 @@ def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
     part = robot.parts.get(event.component)
     if part is None:
         return _wrong_begin_of_robot(site, robot, event)
+    may_be_late = site.ran - part.at > STALE_AFTER / 4
     if event.scope == "flapping":
-        fewest = 4 if event.state == "intermittent" else FEWEST
-        return "" if part.changes >= fewest else f"{part.changes} changes"
+        fewest, changes = 4 if event.state == "intermittent" else FEWEST, part.changes + may_be_late
+        return "" if changes >= fewest else f"{changes} changes"
     if event.scope == "value" and event.state == "falling":
         return "" if robot.charge.number != robot.charge.highest else "it did not fall"
     if event.scope == "value":
         below = robot.charge.below.get(event.state, inf)
         is_due = robot.charge.known and site.is_due(below, CONFIRM)
         return "" if is_due else f"not below for long enough: {robot.charge}"
-    is_late = event.state == "stale" and site.ran - part.at > STALE_AFTER / 4
+    is_late = event.state == "stale" and may_be_late
     if part.level not in STATES[event.state] and not is_late:
         return f"it is {part.level}"
     return "" if site.is_due(part.ok_at, CONFIRM) else "not for long enough"
