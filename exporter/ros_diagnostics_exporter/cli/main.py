@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 
 # New objects from one collection of garbage to the next, Python's default is 700: messages make
 # thousands and drop as many, which are no garbage, and looking at them took a tenth of the CPU.
-NEW_OBJECTS = 20_000
+NEW_OBJECTS = 10_000
 
 
 def notify(state: str) -> None:
