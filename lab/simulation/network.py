@@ -278,7 +278,8 @@ class Site:
         self._own_clock.note(self.ran, is_right=all(right), may_be_right=any(right))
         for robot in self.robots.values():
             is_right = abs(robot.offset) <= RIGHT
-            robot.clock_right.note(self.ran, is_right=is_right, may_be_right=is_right)
+            if robot.taken >= self._began:  # of another process, nothing is known
+                robot.clock_right.note(self.ran, is_right=is_right, may_be_right=is_right)
 
     def _may_be_right(self) -> list[bool]:
         """Whether its own clock is, by each set of robots that it may go by."""
