@@ -65,7 +65,10 @@ class SelfCheck:
     def _servers(self, now: Instant) -> Iterator[OwnReport]:
         alertmanager, outcomes = self._exporter.alertmanager, self._exporter.outcomes()
         if alertmanager is not None:
-            why = "it does not answer: acknowledgements and downtimes are not followed"
+            why = (
+                "it does not answer: acknowledgements and downtimes are not followed, "
+                "and nobody is notified unless Prometheus reaches it"
+            )
             is_wrong = not alertmanager.answers(now)
             yield _warning("Alertmanager", why, is_wrong=is_wrong, confirm_after=SLOW)
         if outcomes:

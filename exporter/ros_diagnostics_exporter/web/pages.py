@@ -222,6 +222,7 @@ def fault_page(
             robot=robot,
             fault=found,
             path=component_path(its[0]),
+            others=_other_faults(fleet, fault),
             marks=downtime_texts(of, now) if robot else [],
             ended=ended[:MAX_ENDED],
             ended_number=len(ended),
@@ -297,6 +298,16 @@ class _Component(NamedTuple):
     mark: str  # why it is no fault, in a word
     text: str
     shown_values: list[dict[str, Any]]
+
+
+def _other_faults(fleet: dict[str, Any], fault: str) -> str:
+    """How many faults there are beside one, and how many of them are CRITICAL; "" if none."""
+    problems = (each for of in (fleet, *fleet["robots"]) for each in of["problems"])
+    states = [problem_state(each) for each in problems if each["fault"] not in (None, fault)]
+    critical = states.count("CRITICAL")
+    if len(states) < 2:
+        return "".join(f"one more fault, {state}" for state in states)
+    return f"{len(states)} more faults" + (f", {critical} of them CRITICAL" if critical else "")
 
 
 def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:

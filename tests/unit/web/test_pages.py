@@ -153,6 +153,19 @@ def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
     assert f'href="faults/{FAULT}#act"' in acting
 
 
+def test_the_page_of_a_fault_says_what_else_is_wrong(serve):
+    common = problem("common", "critical", component="Map", confirmed=1_010.0, fault="f0")
+    given = fleet(robot("a", problems=[broken("Motor 2", confirmed=None)]), problems=[common])
+    server = serve(fleet_snapshot=lambda: given)
+    assert "The fleet has" not in ask(server, "/faults/f0").text
+    given["robots"].append(robot("b", problems=[broken(fault="f1")]))
+    shown = '<a href="../">The fleet has one more fault, CRITICAL</a>'
+    assert shown in ask(server, "/faults/f0").text
+    given["robots"].append(robot("c", problems=[broken("Motor 2", "warning", fault="f2")]))
+    shown = '<a href="../">The fleet has 2 more faults, 1 of them CRITICAL</a>'
+    assert shown in ask(server, "/faults/f0").text
+
+
 @pytest.mark.parametrize("suffix", ["", ".html", ".md"])
 def test_a_runbook_is_a_page_with_the_names_filled_in(serve, suffix):
     given = fleet({**robot("robot_3"), "domain_id": 7, "topic": "/robot_3/diagnostics_agg"})
