@@ -311,11 +311,12 @@ def _other_faults(fleet: dict[str, Any], fault: str) -> str:
 
 
 def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
-    """A sort key: in one state, confirmed problems come first, and suppressed ones last."""
+    """A sort key: robots of which all is suppressed come last; in one state confirmed first."""
     state, robot = entry
-    confirmed = any(problem["confirmed"] is not None for problem in robot["problems"])
-    soft = any(problem["suppressed"] is None for problem in robot["problems"])
-    return -SEVERITIES[state], not confirmed, not soft, natural(robot["robot"])
+    suppressed = [each["suppressed"] is not None for each in robot["problems"]]
+    confirmed = any(each["confirmed"] is not None for each in robot["problems"])
+    explained = bool(suppressed) and all(suppressed) and not confirmed
+    return explained, -SEVERITIES[state], not confirmed, natural(robot["robot"])
 
 
 def _troubled(state: str, robot: dict[str, Any], now: float) -> _Troubled:

@@ -95,6 +95,8 @@ def robots_by_state() -> stat.Panel:
         link = {"title": f"Only {state.word}", "url": links.to_fleet(quote(f"== {state.rank}"))}
         look = [*panels.counted(state), panels.look("links", [link])]
         panel = panel.override_by_name(state.word, look)
+    # On a phone a word may lose its end: to fit, those of eight tiles would have 4 pixels.
+    panel = panel.text(panels.text_of(name=12))
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(24).height(3)
 
 

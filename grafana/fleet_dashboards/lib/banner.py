@@ -175,7 +175,7 @@ def monitoring() -> stat.Panel:
         )
         .data_links([link])
         .orientation(common.VizOrientation.HORIZONTAL)  # up to three lines, below one another
-        .text(panels.text_of(16))
+        .text(panels.text_of(value=16))
         .height(3)
         .span(20)
     )
@@ -198,7 +198,7 @@ def data_as_of() -> stat.Panel:
             "dateTimeAsIsoNoDateIfToday",
         )
         .no_value("not known")
-        .text(panels.text_of(20))
+        .text(panels.text_of(value=20))
         .height(3)
         .span(4)
     )

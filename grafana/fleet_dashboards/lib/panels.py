@@ -104,9 +104,13 @@ def now(panel: Shown) -> Shown:
     return panel.time_from("5m").hide_time_override(True)
 
 
-def text_of(size: int) -> common_builders.VizTextDisplayOptions:
-    """Return the size of texts in pixels; else that of one is large, and that of three small."""
-    return common_builders.VizTextDisplayOptions().value_size(size)
+def text_of(
+    *, value: float | None = None, name: float | None = None
+) -> common_builders.VizTextDisplayOptions:
+    """Return the sizes of texts in pixels; else that of one is large, and those of many small."""
+    size = common_builders.VizTextDisplayOptions()
+    size = size if value is None else size.value_size(value)
+    return size if name is None else size.title_size(name)
 
 
 def counts(

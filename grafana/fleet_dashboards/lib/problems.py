@@ -256,16 +256,16 @@ def _care(matchers: str, states: str) -> str:
         label(faults, "care", "not known"),
         label(
             f"({soft_robots} and on (fleet, robot) {behind})",
-            *("care", "suppressed: uplink or domain down"),
+            *("care", "suppressed by network"),
         ),
         label(
             f'max by ({_COMPONENT}) ({suppressed}, reason="depends_on"}})',
             "care",
-            "suppressed: depends on what fails",
+            "suppressed by dependency",
         ),
         label(
             f"max by ({_COMPONENT}) ({suppressed}}})",
-            *("care", "suppressed: part of a capability in trouble"),
+            *("care", "suppressed by capability"),
         ),
         label(f"({soft})", "care", "not confirmed"),
     )

@@ -521,7 +521,7 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
     assert "its publisher sends nothing" not in text
 
 
-def test_of_robots_in_one_state_those_with_confirmed_problems_come_first():
+def test_robots_whose_problems_are_all_suppressed_come_last_and_unconfirmed_ones_before():
     def given(name: str, **changed) -> dict:
         return robot(name, component("Motor 1", "ERROR"), problems=[broken(**changed)])
 
@@ -529,10 +529,10 @@ def test_of_robots_in_one_state_those_with_confirmed_problems_come_first():
         given("a_suppressed", confirmed=None, suppressed="common"),
         given("b_soft", confirmed=None),
         given("c"),
+        robot("d", component("Motor 2", "WARN"), problems=[broken("Motor 2", "warning")]),
     )
-    order = [
-        text.index(name) for name in ("c CRITICAL", "b_soft CRITICAL", "a_suppressed CRITICAL")
-    ]
+    expected = ("c CRITICAL", "b_soft CRITICAL", "d WARNING", "a_suppressed CRITICAL")
+    order = [text.index(name) for name in expected]
     assert order == sorted(order)
 
 
