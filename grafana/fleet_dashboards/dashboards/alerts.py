@@ -162,6 +162,9 @@ _TEXT = label(
     f'label_join({_NAMED}, "text", ": ", "named", "evidence")',
     *("message", "$1", "text", "(?s:(?:: )?(.*))"),
 )
+# Without the letters that all of them begin with.
+_SHORT = palette.rewritten("/^RosDiagnostics(.+)$/", "$1")
+_NAME = Column("alertname", "Alert", mappings=_SHORT, width=190)
 _NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds > 0"
 
 
@@ -198,13 +201,13 @@ def firing_alerts() -> table.Panel:
         },
         [
             SEVERITY_RANK,
-            tables.ROBOT._replace(min_width=0, width=130),
+            tables.ROBOT._replace(min_width=0, width=115),
             Column("message", "Message", min_width=200),
-            Column("component", "Component", link=links.TO_COMPONENT, width=130),
+            Column("component", "Component", link=links.TO_COMPONENT, width=115),
             Column("B", "Since", unit=tables.MINUTE, width=105),
-            Column("receiver", "Notified", width=100),
+            Column("receiver", "Notified", width=90),
             Column("E", "At", unit=tables.MINUTE, width=105),
-            Column("alertname", "Alert", width=250),
+            _NAME,
             tables.FLEET._replace(hidden=True),
         ],
         empty=tables.Empty("No alert fires", _EVALUATED, "alertname"),
@@ -291,7 +294,7 @@ def fired() -> table.Panel:
         [
             Column("A", "Times", width=90),
             SEVERITY,
-            Column("alertname", "Alert", width=330),
+            _NAME,
             *COMPONENT,
             Column("B", "Last began", unit=tables.TIME, width=160),
             tables.FLEET,
@@ -358,8 +361,7 @@ def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
     or on ()
       group(alertmanager_notifications_total) * 0
     """
-    # Not "short", which would show 1034 as 1 K.
-    panel = panels.number(title, description, expr, "none").decimals(0)
+    panel = panels.number(title, description, expr).decimals(0)
     panel = panel.targets([panels.at_end(expr, "{{integration}}")])
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).height(8).span(6)
 

@@ -51,8 +51,11 @@ def tidy(expr: str) -> str:
 # --- One number, or one word ---
 
 
-def number(title: str, description: str, expr: str, unit: str = "short") -> stat.Panel:
-    """Show the present value, large; without one, that there is no data, on no colour."""
+def number(title: str, description: str, expr: str, unit: str = "none") -> stat.Panel:
+    """Show the present value, large; without one, that there is no data, on no colour.
+
+    In the unit "short" 1034 robots would be 1 K.
+    """
     return (
         stat.Panel()
         .title(title)
