@@ -253,8 +253,9 @@ class FaultReports:
 
     def _troubled(self, identity: Identity) -> Iterator[str]:
         """The robots that a fault of no robot counts, or that are behind an uplink."""
+        counted = {robot for robot, _component in self.engine.members(identity)}
         for name, reports in self._robots.items():
-            if _is_part(reports, identity):
+            if name in counted or _is_part(reports.robot, identity):
                 yield name
 
     # -- asked -------------------------------------------------------------------------------
@@ -340,16 +341,12 @@ class FaultReports:
         )
 
 
-def _is_part(reports: RobotReports, identity: Identity) -> bool:
-    """Whether a fault of no robot counts this one, or it is behind the robot of the fault."""
-    robot = reports.robot
+def _is_part(robot: RobotState, identity: Identity) -> bool:
+    """Whether it is behind the robot of the fault, or its clock is beside the exporter's."""
     if identity.scope is Scope.COMPONENT:
         return robot.settings.labels.get("uplink") == identity.robot
-    if identity.scope is Scope.SITE:
-        return robot.settings.labels.get("site", "") == identity.site and not robot.up
-    if identity.scope is Scope.EXPORTER:
-        return robot.up and abs(robot.clock_behind or 0.0) > LIMIT
-    return reports.has_error(identity.component)
+    is_exporter = identity.scope is Scope.EXPORTER
+    return is_exporter and robot.up and abs(robot.clock_behind or 0.0) > LIMIT
 
 
 def _event(what: str, fault: Fault, at: float, end: str) -> Event:

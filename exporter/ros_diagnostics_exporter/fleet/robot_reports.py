@@ -297,14 +297,6 @@ class RobotReports:
         """The name by which a component was reported."""
         return self._names.get(component)
 
-    def has_error(self, name: str) -> bool:
-        """Whether a component of this name is, or was when last received, ERROR."""
-        return any(
-            Level.ERROR in (each.level, each.before_stale)
-            for each, known in self._names.items()
-            if known.component == name and not each.suppressed_because
-        )
-
     def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
         """Report the components that have gone, and those that have another name."""
         robot, components = self.robot.settings.name, self.robot.components

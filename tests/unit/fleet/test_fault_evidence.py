@@ -176,8 +176,8 @@ def test_of_a_silent_robot_why_and_when_it_was_last_received():
     assert evidence(driver) == ["nobody publishes on its topics"]
 
 
-def test_of_a_site_its_robots():
-    sites = {"q": "yard", **{f"r{number}": "hall" for number in range(6)}}
+def test_of_a_site_its_robots_but_those_that_were_never_received():
+    sites = {"q": "yard", "never": "hall", **{f"r{number}": "hall" for number in range(6)}}
     robots = tuple(
         Robot(name, topic_raw=f"/{name}/d", source=Source.RAW, labels={"site": site})
         for name, site in sites.items()
@@ -186,7 +186,8 @@ def test_of_a_site_its_robots():
     for second in range(int(SETTLED)):
         driver.at(second)
         for robot in robots:
-            driver.receive(robot.topic_raw, MOTOR)
+            if robot.name != "never":
+                driver.receive(robot.topic_raw, MOTOR)
     driver.at(SETTLED + 30)
     assert driver.fault_names() == {("site", "silent", "hall"), ("robot", "silent", "q")}
     (fault,) = (each for each in driver.state.faults() if each.identity.site)
