@@ -297,7 +297,8 @@ def wall() -> stat.Panel:
         "All robots of $wall",
         "In which state is each robot? A tile for each, by name; a panel for each site. "
         "A click opens the robot. A long name is shortened. With more than "
-        f"{_LONG} robots a tile has the first character of the name and its number, with more than "
+        f"{_LONG} robots a tile has the first character of the name and its number, without one "
+        "the first and the last two characters; with more than "
         f"{_SHORT} no name.",
         found,
     )
@@ -327,7 +328,7 @@ def _at_site(robots: str) -> str:
 
 
 NO_SITE = "no site"
-_LONG = 40  # tiles that have room for names on a phone
+_LONG = 16  # tiles that have room for names on a phone
 _SHORT = 220  # and that are wider than their margins: else Grafana writes over the others
 
 
@@ -336,7 +337,7 @@ def _named_to_fit(robots: str) -> str:
     full = label(robots, "name", "$1", "robot", "(.*)")
     # One that is long would make the text of all tiles small.
     full = label(full, "name", "$1\u2026$2", "robot", "(.{6}).{4,}(.{3})")
-    start = label(robots, "name", "$1", "robot", "(.{1,4}).*")
+    start = label(robots, "name", "$1$2", "robot", "(.{1,2}).*?(.{0,2})")
     short = label(start, "name", "$1$2", "robot", "(.).*?([0-9]{1,4})")
     return f"""
       {full} and on () count({robots}) <= {_LONG}

@@ -150,6 +150,7 @@ def exporters() -> table.Panel:
             Column("E", "State written", unit=tables.MINUTE, width=115),
             Column("I", "Acknowledgements", mappings=UP, width=150, background=True),
         ],
+        empty=tables.Empty("none answers", "vector(1)", "fleet"),
         sort=("Fleet",),
         ascending=("Fleet",),
         by=_BY,

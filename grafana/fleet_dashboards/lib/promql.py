@@ -140,7 +140,7 @@ def label(expr: str, name: str, value: str, source: str = "", regexp: str = "") 
 def named(expr: str) -> str:
     """Add the robot as the label ``who``; of a long name begin and end, which tell it apart."""
     full = label(expr, "who", "$1", "robot", "(.*)")
-    return label(full, "who", "$1\u2026$2", "robot", "(.{8}).{4,}(.{7})")
+    return label(full, "who", "$1\u2026$2", "robot", "(.{6}).{4,}(.{6})")
 
 
 def or_nothing(expr: str, text: str, proof: str, column: str = "message") -> str:

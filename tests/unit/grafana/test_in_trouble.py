@@ -29,7 +29,7 @@ def test_a_panel_shows(situation: dict[str, Any], tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("robots", "names"),
-    [(40, ["amr_39", "scout"]), (41, ["a40", "scou"]), (221, ["\N{NO-BREAK SPACE}"])],
+    [(16, ["amr_15", "scout"]), (17, ["a16", "scut"]), (221, ["\N{NO-BREAK SPACE}"])],
 )
 def test_the_more_tiles_the_shorter_are_their_names(robots: int, names: list[str], tmp_path: Path):
     looked_at = {"scout", f"amr_{robots - 1}"}
@@ -43,6 +43,22 @@ def test_the_more_tiles_the_shorter_are_their_names(robots: int, names: list[str
     shown = [{**tiles, "by": "name", "above": 0, "cells": cells}]
 
     _show({"rules": "none", "series": series, "shown": shown}, tmp_path)
+
+
+def test_long_names_differ_within_the_width_of_their_column(tmp_path: Path):
+    name = "autonomous_mobile_robot_with_a_very_long_name_of_sixty_ch_0"
+    labels = [f'{{fleet="hall", robot="{robot}"}}' for robot in (f"{name}1", f"{name}2")]
+    rank = {f"robot:ros_diagnostics_state:rank{each}": "6" for each in labels}
+    up = {f"ros_diagnostics_robot_up{each}": "0" for each in labels}
+    info = {f"robot:ros_diagnostics:info{each}": "1" for each in labels}
+    cells = [
+        '{who="autono\N{HORIZONTAL ELLIPSIS}_ch_01"} 6',
+        '{who="autono\N{HORIZONTAL ELLIPSIS}_ch_02"} 6',
+    ]
+    problems = {"board": "ros-diagnostics-fleet", "panel": "Problems", "ref": "A", "at": "0s"}
+    shown = [{**problems, "by": "who", "above": 0, "cells": cells}]
+
+    _show({"rules": "none", "series": rank | up | info, "shown": shown}, tmp_path)
 
 
 def _show(situation: dict[str, Any], tmp_path: Path) -> None:
