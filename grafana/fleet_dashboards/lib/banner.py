@@ -29,7 +29,20 @@ _SILENT_ALERTMANAGER = """
   or
     up{job="alertmanager"} == 0
 """
-_AWAY = f"group by (fleet) ({_EXPORTERS} unless on (instance, job) up == 1)"
+# How long it has not answered, in minutes; 0 also where that was longer ago than a day.
+_AWAY = f"""
+    max by (fleet) (
+        (
+            floor((time() - max_over_time(timestamp(up{{{_JOBS}}} == 1)[1d:1m])) / 60)
+          + on (instance, job) group_right ()
+            {_EXPORTERS} * 0
+        or
+          {_EXPORTERS} * 0
+        )
+      unless on (instance, job)
+        up == 1
+    )
+"""
 _ALERTED = 'ALERTS{alertname="RosDiagnosticsExporterDown", alertstate="firing"}'
 _FAILING = f"sum by (instance, alertmanager) (increase({_SENT}[1m])) > 0"
 _NOT_REACHED = label(_FAILING, "at", "$1", "alertmanager", "(?:https?://)?([^/]*).*")
@@ -41,16 +54,26 @@ _REACHES_NONE = f"""
     )
 """
 
+
+def _for(minutes: str, name: str, words: str) -> str:
+    """Return a series for each ``name``, in whose label its number of minutes follows the words."""
+    return f"""
+        label_join(
+          count_values by ({name}) ("for", {minutes}), "{name}", "{words}", "{name}", "for"
+        )
+    """
+
+
 # Expression (1: broken, 2: not known) and the text; $1 is the label's value.
 _BROKEN = (
     (
-        f"{_AWAY} and on (fleet) {_ALERTED}",
-        "The exporter of $1 does not answer, its alert fires: faults are as before",
+        _for(f"({_AWAY}) and on (fleet) {_ALERTED}", "fleet", " has not answered for "),
+        "The exporter of $1 min, its alert was sent: faults are shown as they were then",
         "fleet",
     ),
     (
-        f"{_AWAY} unless on (fleet) {_ALERTED}",
-        "The exporter of $1 does not answer, nobody is notified yet: faults are as before",
+        _for(f"({_AWAY}) unless on (fleet) {_ALERTED}", "fleet", " has not answered for "),
+        "The exporter of $1 min, nobody is notified yet: faults are shown as they were then",
         "fleet",
     ),
     (
@@ -87,30 +110,21 @@ _BROKEN = (
         "",
     ),
     (
-        f"""
-        label_join(
-          count_values by (site) ("for", {_SILENT_SITE}), "site", " for ", "site", "for"
-        )
-        """,
+        _for(_SILENT_SITE, "site", " for "),
         "Nothing received from site $1 min: its robots are as they were before",
         "site",
     ),
     (
         "max(prometheus_notifications_alertmanagers_discovered) < bool 1 == 1",
-        "Prometheus has no Alertmanager: nobody is notified",
+        "Prometheus has no Alertmanager: nobody is notified of new faults",
         "",
     ),
     (
-        f"""
-        label_join(
-          count_values by (instance) ("for", {_SILENT_ALERTMANAGER}),
-          "instance", " has not answered for ", "instance", "for"
-        )
-        """,
+        _for(_SILENT_ALERTMANAGER, "instance", " has not answered for "),
         "Alertmanager $1 min",
         "instance",
     ),
-    (_REACHES_NONE, "Prometheus does not reach Alertmanager: nobody is notified", ""),
+    (_REACHES_NONE, "Prometheus does not reach Alertmanager: nobody is notified of new faults", ""),
     (
         f"group by (at) ({_NOT_REACHED}) unless on () {_REACHES_NONE}",
         "Prometheus does not reach Alertmanager $1",

@@ -319,7 +319,7 @@ def test_a_dead_exporter_is_announced_and_its_faults_stay(odd: OddSite, odd_page
     odd.exporter.close()
     odd_page.open(ROBOT)
 
-    odd_page.wait_for("Monitoring", "The exporter of odd does not answer")
+    odd_page.wait_for("Monitoring", "The exporter of odd has not answered for")
     odd_page.wait_for("Problems", odd_names.COMPONENT)
     odd_page.open(FLEET)
     odd_page.wait_for("Problems", odd_names.COMPONENT)
