@@ -267,7 +267,7 @@ def _care(matchers: str, states: str) -> str:
             f"max by ({_COMPONENT}) ({suppressed}}})",
             *("care", "suppressed by capability"),
         ),
-        label(f"({soft})", "care", "not confirmed"),
+        label(f"({soft})", "care", "nobody yet: not confirmed"),
     )
     return f"group by ({IDENTITY}, care) (\n{found}\n)"
 

@@ -145,7 +145,7 @@ def test_problems_are_listed_with_state_message_and_acknowledgement(page: browse
     assert silent[0] == "SILENT"
     assert silent[2].startswith("nobody publishes on its topics")
     (fresh,) = (row for row in rows if row[1] == "fresh")
-    assert fresh[5] == "not confirmed"
+    assert fresh[5] == "nobody yet: not confirmed"
     (maintained,) = (row for row in rows if row[1] == "maintained")
     assert maintained[5] == "maintenance"
     (cut_off,) = (row for row in rows if row[1] == "cut_off")
