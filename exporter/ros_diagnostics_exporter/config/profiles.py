@@ -452,8 +452,10 @@ class Profile(Entry):
     @cached_property
     def has_conditions(self) -> bool:
         """Whether `modes`, or `when` or `unless` of any entry, asks about levels or values."""
-        return self.modes is not None or any(
-            each.conditions for each in (*self.components, *self.values)
+        return (
+            self.modes is not None
+            or any(each.conditions for each in (*self.components, *self.values))
+            or any(each.when for each in self.capabilities.values())
         )
 
 

@@ -194,3 +194,14 @@ def test_what_fires_of_what_fleet_yml_no_longer_has_is_no_fault(tmp_path):
     again = before.again(tmp_path / "state", fleet=load(tmp_path / "without" / "fleet.yml"))
     publish(again)
     assert not gone & faults(again)
+
+
+def test_when_it_is_needed_is_followed_where_nothing_else_has_a_condition(tmp_path):
+    """Once the mode was not read again, and what was lost stayed so in every mode."""
+    text = PROFILES.replace("unless: {component: Motor, level: WARN}", "stale_after: 90s")
+    driver = started(tmp_path, text)
+    broken = status_of("Dock ERROR")
+    publish(driver, broken)
+    assert faults(driver) == {("dock", "lost")}
+    publish(driver, broken, status_of("Mode OK off"), seconds=60)
+    assert (states(driver), faults(driver)) == ({}, {("Dock", "critical")})
