@@ -72,6 +72,7 @@ class Feed(NamedTuple):
     group of its components. What fails of an ``uplink`` makes robots unreachable that name the
     component's robot as theirs. What fails of a ``shadow`` is shown, and is no fault. ``numbers``:
     those in its key-values are series of their own; else only where the config has a rule for them.
+    What is ``sent`` is what the robot itself sent: it is no measurement that may fail in its place.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Feed(NamedTuple):
     uplink: bool = False
     shadow: bool = False
     numbers: bool = True
+    sent: bool = False
 
 
 class Instant(NamedTuple):

@@ -377,7 +377,7 @@ class RobotReports:
             confirm_after,
             planned,
             profile.stale_is_critical and not planned,
-            measured=component.feed is not None,
+            measured=component.feed is not None and not component.feed.sent,
             uplink=component.feed is not None and component.feed.uplink,
             depends_on=depends_on,
         )

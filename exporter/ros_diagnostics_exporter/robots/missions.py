@@ -34,7 +34,7 @@ from ros_diagnostics_exporter.sources.graph_messages import Stopwatch
 
 # Where a server is away nothing is known of its goals, which is no fault: others say so.
 # `goals_running` is the number of goals of all actions, also of those that are no components.
-ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True, numbers=False)
+ACTIONS = Feed("ROS actions", "Actions", inf, planned_stale=True, numbers=False, sent=True)
 _SUCCEEDED, _ABORTED, _PREEMPTED = map(RESULTS.index, ("succeeded", "aborted", "preempted"))
 REPORT = 30.0  # seconds between two statuses of what runs
 _NEVER = -inf  # one object for all

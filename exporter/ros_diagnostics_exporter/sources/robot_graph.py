@@ -42,6 +42,7 @@ FRESH = 120.0  # seconds after which what is not reported again is STALE, which 
 REPORT = 30.0  # ... between two reports in which nothing has changed
 GRAPH = Feed(GROUP, GROUP, FRESH, planned_stale=True)
 SHADOW = GRAPH._replace(shadow=True)
+SENT = GRAPH._replace(sent=True)  # in messages of its nodes, which fleet.yml asks for
 SHADOW_TIME = 7 * 86_400.0  # seconds for which a robot is known until its silent faults are faults
 ANNOUNCED = 86_400.0  # ... before that end, in which it is announced
 HELD = 120.0  # ... after a start, until what is no problem any more is healthy
@@ -100,7 +101,7 @@ class Report(NamedTuple):
 
     def by_feed(self) -> Iterator[tuple[Feed, tuple[Status, ...]]]:
         """The statuses: what fleet.yml asks for is nothing learned, and so never a shadow."""
-        yield GRAPH, tuple(each for each in self.statuses if is_asked_for(each.name))
+        yield SENT, tuple(each for each in self.statuses if is_asked_for(each.name))
         yield self.feed, tuple(each for each in self.statuses if not is_asked_for(each.name))
 
 

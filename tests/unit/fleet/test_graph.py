@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
     Profile,
+    Query,
     Robot,
     Source,
 )
@@ -299,3 +300,19 @@ def test_a_publisher_that_cannot_be_matched_is_why_a_robot_is_silent():
     assert driver.sample("robot_silent_reason", reason="incompatible_qos") == 1
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
     assert driver.sample("robot_silent_reason", reason="mute") == 1
+
+
+def test_what_a_node_logged_is_a_fault_also_while_the_uplink_of_its_robot_does_not_answer():
+    """Messages of the robot are received, so it is no measurement that fails in its place."""
+    ping = Query("x", "ping", "Uplink", "robot", interval=5.0, confirm_after=20.0, uplink=True)
+    used = fleet(watch=WATCHED)
+    robot = replace(used.robots[0], labels={"uplink": "ap"})
+    driver = Driver(
+        fleet=replace(used, robots=(robot, Robot("ap", source=Source.QUERIES)), queries=(ping,))
+    )
+    driver.go_on(5, *USUAL)
+    for _ in range(10):
+        driver.state.receive_answer(ping.feed, {"ap": (Status(ERROR, "ping"),)}, driver.now)
+        driver.go_on(5, *USUAL)
+    driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
+    assert driver.go_on(20, *USUAL).faults() == [("log amcl", "critical"), ("ping", "critical")]
