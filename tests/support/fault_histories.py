@@ -192,7 +192,8 @@ class Player:
         self._boot = next(self._boots) + set_back
         self.second = second - set_back
         self.faults = Faults(self.settings)
-        self.faults.restore(list(self.rows.values()), self.at(self.second))
+        dropped = self.faults.restore(list(self.rows.values()), self.at(self.second))
+        assert dropped == []
         self.shown = {robot: self.faults.followed(robot) for robot in self.faults._book.robots}
 
     def go(self, second: float, *events: Event) -> list[Change]:

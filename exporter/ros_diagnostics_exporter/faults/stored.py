@@ -31,7 +31,8 @@ from ros_diagnostics_exporter.sources.robot_graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served; NaN does
 # not.
-Moment = Annotated[float, Field(ge=-1e11, le=1e11)]
+NEVER = 1e11  # Unix time of what does not come
+Moment = Annotated[float, Field(ge=-NEVER, le=NEVER)]
 Seconds = Annotated[float, Field(ge=0, le=1e11)]
 Interval = Annotated[float, Field(gt=0, le=1e11)]
 Text = Annotated[str, Field(max_length=4096)]
@@ -123,7 +124,7 @@ _Part = tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], M
 _PARTS = Kind(
     list[_Part],
     write=lambda parts, clock: [
-        (*part, int(bad.state), bad.due + clock.offset) for part, bad in parts.items()
+        (*part, int(bad.state), min(bad.due + clock.offset, NEVER)) for part, bad in parts.items()
     ],
     read=lambda parts, clock: {
         PartName(*part): Bad(CapabilityState(state), clock.mono(due)) for *part, state, due in parts

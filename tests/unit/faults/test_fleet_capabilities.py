@@ -15,6 +15,7 @@ from support.fault_histories import (
     level,
     maintenance,
     play,
+    player,
     restart,
     robot_settings,
     silent,
@@ -104,3 +105,15 @@ def test_what_was_adopted_lasts_until_robots_had_time_to_be_received():
     assert last.go(5, hall(*received)) == []
     assert texts(last.go(59)) == ["recovered capability/lost r1 lift"]
     assert texts(last.go(70)) == [f"recovered {LOST}"]
+
+
+def test_it_outlives_a_restart_while_a_robot_is_not_reached():
+    """When that is a missing reserve is never, which no row had: once it was dropped."""
+    last = player(ROBOTS, FaultSettings())
+    last.go(0, hall(level("lift", ERROR, "r1")))
+    assert f"began {SPARE}" in texts(last.go(10))
+    last.go(20, hall(unreachable("r2", is_so=True), silent("r2"), level("lift", OK, "r1")))
+    last.go(25)
+    last.reborn(30)
+    last.go(31, hall(unreachable("r2", is_so=True)))
+    assert texts(last.go(300)) == []
