@@ -99,8 +99,10 @@ def last_received(identity: Identity, find: Find) -> str:
     component = None if found is None else found[1]
     if component is None or component.level < Level.OK:
         return ""
-    if identity.scope is Scope.VALUE:
-        numbers = (each for each in component.values.all if each.key == identity.key)
+    if component.suppressed_because:
+        return component.suppressed_because
+    if identity.scope is Scope.VALUE and not component.has_lapsed:
+        numbers = [each for each in component.values.all if each.key == identity.key]
         parts = [f"{each.number:g} {_text(each.unit)}".strip() for each in numbers]
     else:
         level = Level(component.level).name

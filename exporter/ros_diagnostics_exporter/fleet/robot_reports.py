@@ -427,6 +427,8 @@ class RobotReports:
         for key, thresholds in missing.items():
             wanted = not self._everything or _is_monitored(self._settings.profile, component, key)
             found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
+        if component.has_lapsed:
+            return [each._replace(most=Verdict.HEALTHY) for each in found.values()]
         return list(found.values())
 
     def _value_report(

@@ -100,6 +100,7 @@ class Component:
     # Level and since of before a start, until it is received or listed.
     resumes: tuple[int, float] | None = None
     stale_at_source: bool = False  # it was received as STALE
+    has_lapsed: bool = False  # its ends_after is over, for all that was wrong with it
 
     def __post_init__(self, now: Instant) -> None:
         self.since, self.listed = now.wall, now.mono
@@ -169,7 +170,7 @@ class Component:
     def ends_at(self) -> float:
         """When trouble published only on a change is over; it waits while its robot is silent."""
         after = None if self.rule is None else self.rule.ends_after
-        if after is None or self.level == OK or not self.reports or self.last_report == -inf:
+        if after is None or self.has_lapsed or not self.reports or self.last_report == -inf:
             return inf
         return after + self.last_report
 

@@ -226,7 +226,14 @@ class Components:
         self._profile, self._limits = profile, limits
         self._value_series.limit = limits.robot_series
         for component in list(self.by_identity.values()):
-            self._follow_profile(component, now)
+            was_on_change = component.is_on_change
+            is_wanted = self._follow_profile(component, now)
+            if is_wanted and component.is_on_change and not was_on_change:
+                if component.raw_received is None:  # an aggregator said STALE, and no driver
+                    component.stale_at_source = False
+                if self.receives_arrays(now) and not component.missing:
+                    self._go_on(component, now)
+                self.next_late = min(self.next_late, component.ends_at)
 
     def _follow_profile(self, component: Component, now: Instant) -> bool:
         """Apply the profile's rules for its name; False if they ignore it."""
@@ -256,7 +263,7 @@ class Components:
     def update(self, component: Component, status: Status, now: Instant) -> None:
         """Update one component from its status."""
         component.listed = now.mono
-        component.missing = False
+        component.missing = component.has_lapsed = False
         if len(status.values) != component.key_values:
             status = self._within_limits(component, status)
         last = component.last
@@ -369,10 +376,14 @@ class Components:
         for component in self.by_identity.values():
             if component.is_on_change and component.is_published is published:
                 component.skip(absence + TIME_TO_START)
-                level = component.published
-                if component.is_stale and level is not None and level != STALE:
-                    self._set_level(component, level, now)
+                self._go_on(component, now)
                 self.next_late = min(self.next_late, component.ends_at)
+
+    def _go_on(self, component: Component, now: Instant) -> None:
+        """Give what is published only on a change the level again that was published last."""
+        level = component.published
+        if component.is_stale and level is not None and level != STALE:
+            self._set_level(component, level, now)
 
     def follow_loss(self, now: Instant, *, lossy: bool) -> None:
         """Have what is STALE judged again, as too many messages are lost or no longer are.
@@ -437,10 +448,15 @@ class Components:
         if rule is None or not component.is_on_change:
             self._set_level(component, STALE, now)
         elif rule.ends_after is not None:
-            after = durations.written(rule.ends_after)
-            component.said = None
-            component.set_message(f"not reported again for {after}", always=True)
-            self._set_level(component, OK, now)
+            component.has_lapsed = True
+            if component.level != OK or component.values.beyond:
+                after = durations.written(rule.ends_after)
+                component.said = component.last = None  # what is said again is wrong again
+                component.values.clear()
+                self._count_key_values(component, 0)
+                component.set_message(f"not reported again for {after}", always=True)
+                self._set_level(component, OK, now)
+            self.report_again(component)  # also its values, of which none may be known now
 
     def _stale_after(self, component: Component) -> float:
         raw = component.raw_received is not None

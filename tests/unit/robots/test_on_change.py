@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.config.fleet import ComponentRule, Source
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.model import Instant, Status
@@ -240,4 +240,55 @@ def test_the_minute_after_a_return_does_not_count_towards_its_end():
     stand(driver, START + 10)
     assert driver.fault_names() == CRITICAL
     stand(driver, 10)
+    assert driver.fault_names() == set()
+
+
+TEMPERATURE = ValueRule(
+    key=re.compile("Temperature"), thresholds=(Threshold("high", "critical", 80.0),)
+)
+WARM = Status(OK, "rosserial", "", values=(("Temperature", "90"),))
+
+
+@pytest.mark.parametrize("has_restart", [False, True])
+def test_a_value_that_is_not_reported_again_is_over_as_well(tmp_path, has_restart):
+    driver = StateDriver(components=(ENDS,), values=(TEMPERATURE,)).raw_every(1, 60, MOTOR)
+    driver.raw(MOTOR, WARM)
+    stand(driver, 300)
+    assert [name[:2] for name in driver.fault_names()] == [("value", "critical")]
+    if has_restart:
+        driver = driver.again(tmp_path / "state")
+    stand(driver, 305 + (START + 5) * has_restart)
+    assert driver.fault_names() == set()
+    (end,) = driver.state.served()[1]
+    message = "OK" if has_restart else "OK: not reported again for 10m"  # its number is not known
+    assert (end.reason, end.message) == ("recovered", message)
+
+    driver.raw(MOTOR, WARM)
+    stand(driver, 12)
+    assert [name[:2] for name in driver.fault_names()] == [("value", "critical")]
+
+
+@pytest.mark.parametrize("source", [Source.RAW, Source.AGG])
+@pytest.mark.parametrize("last", [OK, ERROR])
+def test_what_was_late_until_fleet_yml_says_that_it_reports_changes_goes_on(source, last):
+    """Once it was STALE until it was published again, or the exporter was started again."""
+    status = SERIAL._replace(level=last)
+    driver = StateDriver(source)
+
+    def go(seconds, *statuses):
+        until = driver.now.mono + seconds
+        if source is Source.RAW:
+            driver.raw_every(1, until, *(each for each in statuses if each.level != STALE))
+        else:
+            driver.agg_every(1, until, *tree(Parts=statuses))
+
+    go(60, MOTOR, status)
+    go(60, MOTOR, status._replace(level=STALE))
+    assert "stale" in {name[1] for name in driver.fault_names()}
+    (robot,) = driver.state.fleet.robots
+    profile = replace(robot.profile, components=(ENDS,))
+    changed = replace(driver.state.fleet, robots=(replace(robot, profile=profile),))
+    driver.state.configure(changed, driver.now)
+    assert {name[1] for name in driver.fault_names()} == ({"critical", "stale"} if last else set())
+    go(600, MOTOR, status._replace(level=STALE))
     assert driver.fault_names() == set()
