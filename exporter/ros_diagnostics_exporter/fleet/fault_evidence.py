@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.model import (
     CapabilityState,
     CapabilityView,
@@ -88,9 +89,21 @@ def _part(
 ) -> Fields:
     fields = {key: _text(text) for key, text in part._asdict().items() if text}
     component = known.get(ComponentName(part.group, part.component))
-    if component is not None:
+    beyond = _beyond(component, part.key) if component is not None and part.key else None
+    if beyond is not None:
+        fields |= {"message": beyond}
+    elif component is not None:
         fields |= {"level": Level(component.level).name, "message": _text(component.message)}
     return {**fields, "state": state.name.lower()}
+
+
+def _beyond(component: Component, key: str) -> str | None:
+    """Which threshold a value of a component is beyond, the critical one first."""
+    for value in () if component.is_stale else component.values.all:
+        if value.key == key and value.beyond:
+            worst = min(value.beyond, key=lambda each: each.severity)  # critical, warning
+            return _value_line(_compared(value, worst, worst.bound))
+    return None
 
 
 def last_received(identity: Identity, find: Find) -> str:
@@ -104,6 +117,9 @@ def last_received(identity: Identity, find: Find) -> str:
     if identity.scope is Scope.VALUE and not component.has_lapsed:
         numbers = [each for each in component.values.all if each.key == identity.key]
         parts = [f"{each.number:g} {_text(each.unit)}".strip() for each in numbers]
+        place = identity.bound, identity.state.value
+        if any((each.bound, each.severity) == place for value in numbers for each in value.beyond):
+            parts.append("no fault by the condition of its thresholds")
     else:
         level = Level(component.level).name
         parts = [_WORDS.get(level, level), _text(component.message)]
@@ -150,10 +166,15 @@ def _monitored(identity: Identity, component: Component) -> Fields:
             for each in value.rule.thresholds:
                 if (each.bound, each.severity) == (identity.bound, severity):
                     beyond = "falling" if identity.state is State.FALLING else each.bound
-                    limit = {"threshold": each.value, "beyond": beyond}
-                    shown = {"key": _text(value.key), "text": f"{value.number:g}"}
-                    return {"value": {**shown, **_number(value), **limit}}
+                    return {"value": _compared(value, each, beyond)}
     return {}
+
+
+def _compared(value: ExportedValue, threshold: Threshold, beyond: str) -> Fields:
+    """A number with a threshold, and how it is beyond it."""
+    limit = {"threshold": threshold.value, "beyond": beyond}
+    shown = {"key": _text(value.key), "text": f"{value.number:g}"}
+    return {**shown, **_number(value), **limit}
 
 
 def _values(component: Component) -> Iterator[Fields]:

@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.model import Status
+from support.configs import load_text
 from support.state_driver import ERROR, OK, SETTLED, WALL, WARN, StateDriver
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -219,6 +220,21 @@ def test_of_a_capability_the_parts_that_it_lacks(tmp_path):
     assert details(driver)["lost", ""] == {
         "parts": [{"component": "Motor", "level": "ERROR", "message": "Hot", "state": "lost"}]
     }
+
+
+def test_of_a_capability_the_value_that_is_beyond_its_threshold(tmp_path):
+    text = """
+fleet: f
+profiles:
+  default:
+    values: [{component: Battery, key: Charge, thresholds: {low: {warning: 20, critical: 10}}}]
+    capabilities: {driving: [{component: Battery, key: Charge}]}
+robots: [{name: r, topic: /r/diagnostics, source: raw}]
+"""
+    low, full = (Status(OK, "Battery", "fine", values=(("Charge", each),)) for each in ("5", "80"))
+    driver = StateDriver(fleet=load_text(tmp_path, text)).raw_every(1, SETTLED, full)
+    (fault,) = driver.raw_every(1, SETTLED + 12, low).state.faults()
+    assert fault.evidence == "Battery: Charge: 5, below the threshold of 10"
 
 
 def test_the_fields_are_those_of_the_begin_also_after_a_restart_and_in_its_event():
