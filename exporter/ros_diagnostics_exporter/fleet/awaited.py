@@ -63,7 +63,9 @@ class Awaited:
             # An aggregator's next array: those since that lacked it were of one that just started.
             absent = nextafter(self._last, inf)
             if self._is_raw(component):
-                absent = component.listed + component.stale_after(default, raw=True)
+                # An aggregator lists it, too, whose copies are older.
+                last = component.raw_received or component.listed
+                absent = last + component.stale_after(default, raw=True)
             if absent > self._last_of(component):
                 self._absent.setdefault(component, absent)
 

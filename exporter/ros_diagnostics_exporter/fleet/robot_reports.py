@@ -184,8 +184,6 @@ class RobotReports:
             self._follow_dependencies()
         if profile.has_conditions or self._everything:
             self._apply_conditions(now)
-        if profile.capabilities:
-            changes += self._report_capabilities(faults, now)
         if self.robot.up:
             if self._awaited:
                 self._awaited.find()
@@ -198,6 +196,8 @@ class RobotReports:
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
+        if profile.capabilities:
+            changes += self._report_capabilities(faults, now)
         self.read = marks.count
         self.is_up = self._presence == "up" and not self._awaited
         return changes
@@ -349,9 +349,11 @@ class RobotReports:
         level, settings = _LEVELS[component.level], self._component_settings(component)
         is_first = self._first is not None and component in self._first.now
         suppressed = self._find_suppression(component)
-        is_late = level is Level.STALE and not component.stale_at_source
+        is_late = component.is_stale and not component.stale_at_source
         if self.robot.network.lossy and component.feed is None and is_late:
             suppressed = Suppressed("messages are lost", known=False)
+        if is_late and level is Level.OK:  # as fleet.yml has STALE: no message says so
+            suppressed, level = Suppressed("nothing is received", known=False), Level.STALE
         if suppressed is None or level is Level.OK:
             return ComponentReport(name, level, settings, is_first)
         if suppressed.known and level is not Level.STALE:

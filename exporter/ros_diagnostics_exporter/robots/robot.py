@@ -124,6 +124,7 @@ class RobotState:
         self._events = events
         self._auto = AutoSource()
         self._has_raw = False  # components of raw arrays that were received
+        self._last_raw = inf  # when a raw array was received, monotonic
         self._levels = LevelEvents(settings.name, events)
         self.components = Components(
             settings.profile, limits, series, self.marks, self.reject, self._levels.record
@@ -179,8 +180,8 @@ class RobotState:
         both = (raw, aggregated) if self.source is config.Source.RAW else (aggregated, raw)
         return next(filter(None, (*both, self.settings.topic)), "")
 
-    def _leave_raw(self, now: Instant) -> None:
-        """Go on with the aggregate alone: what it does not list by its name is removed."""
+    def _leave_raw(self, now: Instant, *, alone: bool) -> None:
+        """Go on with the aggregate; where that is ``alone``, without what it does not list."""
         self._has_raw = False
         raw = [
             each for each in self.components if each.is_published and each.raw_received is not None
@@ -188,8 +189,10 @@ class RobotState:
         for component in raw:
             if self._aggregated.lists(component):
                 component.raw_received, component.gaps = None, ()
-            else:
+            elif alone:
                 self.forget(component, now)
+        if not alone:
+            return  # for as long as no raw array comes
         message = f"diagnostics are read from {self.topic} in place of {self.settings.topic_raw}"
         self._events.append(Event(now.wall, "graph", self.settings.name, message=message))
 
@@ -213,12 +216,12 @@ class RobotState:
             statuses = statuses[:limit]
         if raw:
             self._raw.apply(statuses, now, array.publisher)
-            self._has_raw = True
+            self._has_raw, self._last_raw = True, now.mono
         else:
             alone = self.source is config.Source.AGG
             self._aggregated.apply(statuses, now, alone=alone)
-            if self._has_raw and alone:
-                self._leave_raw(now)
+            if self._has_raw and (alone or now.mono - self._last_raw > stale_after):
+                self._leave_raw(now, alone=alone)
 
     def _note_received(self, now: Instant) -> None:
         gap = 0.0 if self.last_mono is None else now.mono - self.last_mono

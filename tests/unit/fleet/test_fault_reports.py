@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
 from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
@@ -28,6 +29,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row, State
 from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Status
+from ros_diagnostics_exporter.regex import Pattern
 from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, raw_fleet, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -412,6 +414,25 @@ def test_a_value_that_is_no_longer_known_goes_on(status):
     driver = settled(volt("12"), values=(LOW,)).stand(12, volt("9"))
     assert BELOW in driver.stand(60, status).fault_names()
     assert driver.stand(1, volt("12")).fault_names() == set()
+
+
+def test_what_is_late_ends_nothing_where_stale_counts_as_ok():
+    """A driver that dies in its ERROR; only what it publishes as STALE is OK."""
+    rule = ComponentRule(re.compile("Motor"), levels={STALE: OK})
+    driver = settled(MOTOR, components=(rule,)).stand(12, HOT)
+    assert driver.stand(60, LASER).fault_names() == {CRITICAL}
+    assert driver.stand(1, HOT._replace(level=STALE)).fault_names() == set()
+
+
+def test_what_a_condition_ends_says_so():
+    mode = Status(OK, "Mode", values=(("mode", "off"),))
+    unless = Condition(
+        component=(Pattern("Mode"),), key=(Pattern("mode"),), texts=(Pattern("off"),)
+    )
+    driver = settled(MOTOR, components=(ComponentRule(Pattern("Motor"), unless=(unless,)),))
+    driver.stand(12, HOT).stand(1, HOT, mode)
+    (end,) = driver.state.served()[1]
+    assert end.message == f"unless {unless.text}"
 
 
 def test_a_stale_component_that_counts_as_ok_confirms_no_value():
@@ -830,3 +851,50 @@ def test_what_suppresses_a_component_is_known_while_the_condition_and_the_robot_
     driver.stand(2, HOT, Status(WARN, "Charger"))
     assert driver.component("Motor").suppressed_because == "only when Charger is OK"
     assert driver.at(driver.now.mono + 60).component("Motor").suppressed_because == ""
+
+
+# -- both topics ---------------------------------------------------------------------------------
+
+
+def test_the_tree_is_read_while_no_raw_message_comes():
+    """Once all was STALE then, and as the tree listed it, that was no fault; nor was an ERROR."""
+    driver = StateDriver(Source.BOTH)
+
+    def go(seconds: float, motor: Status, *, is_raw: bool) -> None:
+        until = driver.now.mono + seconds
+        while driver.now.mono < until:
+            if is_raw:
+                driver.raw(motor, LASER)
+            driver.agg(*tree(Parts=(motor, LASER)))
+            driver.at(driver.now.mono + 1)
+
+    go(SETTLED, MOTOR, is_raw=True)
+    go(60, MOTOR, is_raw=False)
+    assert (driver.level("Motor"), driver.fault_names()) == (OK, set())
+    go(12, HOT, is_raw=False)
+    assert driver.faults() == [("Motor", "critical")]
+    go(2, MOTOR, is_raw=True)
+    assert driver.fault_names() == set()
+    driver.raw(HOT, LASER)
+    assert driver.level("Motor") == ERROR
+
+
+def test_what_only_drivers_publish_is_stale_while_the_tree_goes_on():
+    driver = StateDriver(Source.BOTH)
+    while driver.now.mono < SETTLED + 60:
+        if driver.now.mono < SETTLED:
+            driver.raw(MOTOR, LASER)
+        driver.agg(*tree(Parts=(MOTOR,)))
+        driver.at(driver.now.mono + 1)
+    assert driver.faults() == [("Laser", "stale")]
+
+
+def test_a_capability_that_is_found_better_with_its_first_part_begins_nothing():
+    """Its parts were taken before their levels, so that one of them was still as before."""
+    view = Capability(name="view", need=Expression(1, (ComponentsOf((Pattern("Lidar"),)),)))
+    upper, lower = Status(ERROR, "Lidar upper"), Status(OK, "Lidar lower")
+    driver = settled(upper, capabilities={"view": view})
+    assert driver.fault_names() == {("capability", "lost", "r", "view")}
+    driver.stand(20, upper._replace(level=OK), lower)
+    began = [each.state for each in driver.events if each.kind == "fault_began"]
+    assert (began, driver.fault_names()) == (["lost"], set())
