@@ -269,7 +269,11 @@ class World:
         assert identity in self.lasting, f"ended twice: {identity}"
         self.lasting.remove(identity)
         if not recovered:
-            is_taken_out = (identity.robot, identity.component) == self.forgotten
+            robot, component = self.forgotten or ("", "")
+            # With it what counts it, of which too little is left.
+            of_robot, of_all = identity.state is State.MANY, identity.scope is Scope.COMMON
+            about = "" if of_all else robot, "" if of_robot else component
+            is_taken_out = (identity.robot, identity.component) == about and bool(self.forgotten)
             assert is_taken_out, f"removed by nobody: {identity}"
             return
         assert not self._is_planned(identity), f"recovered in a downtime: {identity}"

@@ -117,6 +117,7 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
     elif cause.active is not None and 2 * left < needed and not adopted:
         cause.active = None
         book.write(cause)
+    cause.thinned = cause.thinned and cause.active is None
     if cause.active is not None or cause.problems:
         _judge(book, cause, Verdict.FAILING if 2 * fresh >= needed else Verdict.NO_DATA, now)
     if cause.robot is None:

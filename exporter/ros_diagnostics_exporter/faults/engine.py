@@ -166,7 +166,7 @@ class Faults:
         if robot is None:
             robot = book.add_robot(name, settings)
         elif robot.settings.site != settings.site:
-            removal.leave_site(book, robot)
+            removal.leave_site(book, robot, now)
         robot.settings = settings
         robot.declared = declared
         if robot.presence is Presence.NEVER:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from math import inf
 from operator import attrgetter
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from ros_diagnostics_exporter import weekly
 from ros_diagnostics_exporter.faults import capabilities, causes, ends, suppression
@@ -106,9 +106,11 @@ def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
         healthy = problem.verdict is Verdict.HEALTHY  # first: it is asked of each at each change
         if healthy and problem.effect.ends and suppression.why_not_end(problem) is None:
+            by_person = problem.cause is not None and problem.cause.thinned
+            reason: Literal["removed", "recovered"] = "removed" if by_person else "recovered"
             _drop(book, problem, now)
-            ends.add(book, problem.fault, "recovered", now)
-            return Change("recovered", problem.fault, now.wall)
+            ends.add(book, problem.fault, reason, now)
+            return Change(reason, problem.fault, now.wall)
         return None
     if problem.verdict is Verdict.HEALTHY:
         _drop(book, problem, now)

@@ -367,7 +367,7 @@ class Cause:
     ``active`` from when there are enough until fewer than half of that are left. ``counted`` (robot
     -> what of it) stay until they are received better; ``fresh`` are those of them whose trouble is
     known now. A robot's own cause counts its components instead. ``adopted``: it was a fault before
-    the start, and what it counted then is not known.
+    the start, and what it counted then is not known. ``thinned``: a person has just taken out some.
     """
 
     scope: Scope
@@ -375,6 +375,7 @@ class Cause:
     robot: RobotRecord | None = None
     active: Instant | None = None
     adopted: bool = False
+    thinned: bool = False
     counted: dict[str, set[str]] = field(default_factory=dict)
     fresh: dict[str, set[str]] = field(default_factory=dict)
     problems: dict[str, Problem] = field(default_factory=dict)  # by severity; "" where there is one

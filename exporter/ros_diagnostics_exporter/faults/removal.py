@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ros_diagnostics_exporter.faults import causes, components, ends, trends
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
-from ros_diagnostics_exporter.faults.records import ComponentRecord, Problem, RobotRecord
+from ros_diagnostics_exporter.faults.records import Cause, ComponentRecord, Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 
@@ -18,7 +18,7 @@ def remove_robot(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     for name in sorted(robot.components):
         changes += remove_component(book, robot, name, now)
     changes += end_all(book, robot.all_problems(), now)
-    leave_site(book, robot)
+    leave_site(book, robot, now)
     book.touched_causes.pop(robot.many, None)
     book.touched_robots.pop(robot, None)
     for capability in robot.capabilities.values():
@@ -44,7 +44,7 @@ def remove_component(
     changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
     if name in robot.components:  # it went with its last problem, if it had one
         book.drop_component(component)
-    book.touched_causes[robot.many] = None
+    _thin(book, robot.many)
     return changes
 
 
@@ -98,8 +98,8 @@ def end_pending(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     return [] if problem is None or robot.declared else end_all(book, (problem,), now)
 
 
-def leave_site(book: Book, robot: RobotRecord) -> None:
-    """No longer count the robot towards its site."""
+def leave_site(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """No longer count the robot towards its site; it may be one of another, silent as this one."""
     site = book.present.get(robot.settings.site, set())
     if robot.name in site:
         site.discard(robot.name)
@@ -110,7 +110,15 @@ def leave_site(book: Book, robot: RobotRecord) -> None:
         robot.counted = False
         cause = book.cause(Scope.SITE, robot.settings.site)
         cause.count(robot.name, "", counts=False, fresh=False)
-        book.touched_causes[cause] = None
+        _thin(book, cause)
+        if cause.is_fault:
+            book.explain_until(robot, now.mono + TIME_TO_RETURN)
+
+
+def _thin(book: Book, cause: Cause) -> None:
+    """Note that a person has taken out some of what a cause counts: no end of it is a recovery."""
+    cause.thinned = True
+    book.touched_causes[cause] = None
 
 
 def _uncount(book: Book, component: ComponentRecord) -> None:
@@ -118,4 +126,4 @@ def _uncount(book: Book, component: ComponentRecord) -> None:
         component.counted = False
         cause = book.cause(Scope.COMMON, component.name.component)
         cause.count(component.robot.name, component.name.group, counts=False, fresh=False)
-        book.touched_causes[cause] = None
+        _thin(book, cause)

@@ -209,7 +209,7 @@ def test_robots_that_a_person_takes_out_are_no_part_of_it():
         (0, sites(*SIX, site="hall")),
         (20, on_robots(SIX[:3], silent)),
         (30, None, "began site/silent hall"),
-        (40, together(*map(forget, SIX[:2])), "recovered site/silent hall"),
+        (40, together(*map(forget, SIX[:2])), "removed site/silent hall"),
         (70, None, "began robot/silent r3"),
         settings=FaultSettings(site=CauseSettings(3, 0.5)),
     )
@@ -222,7 +222,7 @@ def test_components_that_a_person_takes_out_are_no_part_of_it():
         (
             20,
             together(*(forget(robot, "camera") for robot in SIX[:2])),
-            "recovered common/critical camera",
+            "removed common/critical camera",
         ),
         (50, None, "began component/critical r3 camera"),
         robots=SIX,

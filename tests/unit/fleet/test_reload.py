@@ -412,3 +412,22 @@ def test_a_robot_that_is_read_from_its_drivers_from_now_on_has_no_groups():
     raw = dataclasses.replace(settings, source=Source.RAW)
     driver.state.configure(Fleet("f", (raw,)), driver.now)
     assert driver.robot.groups == {}
+
+
+def test_a_site_that_is_renamed_while_it_is_silent_is_one_fault_of_its_new_name():
+    """Once that was a RECOVERY, and half of its robots were faults of their own."""
+    names = [f"r{number}" for number in range(6)]
+
+    def of(site: str) -> Fleet:
+        return Fleet("f", tuple(raw_robot(name, labels={"site": site}) for name in names))
+
+    driver = StateDriver(fleet=of("hall"))
+    while driver.now.mono < 60:
+        for name in names:
+            driver.receive(f"/{name}/diagnostics", LASER)
+        driver.at(driver.now.mono + 1)
+    assert driver.at(150).fault_names() == {("site", "silent", "hall")}
+    driver.state.configure(of("yard"), driver.now)
+    assert driver.at(170).fault_names() == {("site", "silent", "yard")}
+    changes = [(each.kind, each.reason) for each in driver.events if each.kind.startswith("fault")]
+    assert changes == [("fault_began", ""), ("fault_ended", "removed"), ("fault_began", "")]
