@@ -202,7 +202,7 @@ class Book:
                 clock = max(clock, component.robot.returned_until)  # it was not reached before
             return clock + confirm_after
         late = UPLINK_TIME if self._may_be_unreachable(problem) else 0.0
-        return clock + confirm_after + late
+        return max(problem.boots_until, clock + confirm_after + late)
 
     def confirm_after(self, problem: Problem) -> float:
         """Seconds for which a problem has to last until it is a fault."""

@@ -345,4 +345,6 @@ def report_check(
         problem = Problem(identity, now, robot=robot)
         robot.checks[check] = book.add_problem(problem)
     if problem is not None:
+        if found < expected and not robot.is_restarted:
+            problem.boots_until = robot.booted_until
         book.give_verdict(problem, Verdict.ABSENT if found < expected else Verdict.HEALTHY)

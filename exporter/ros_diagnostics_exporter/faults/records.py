@@ -145,7 +145,7 @@ class Problem(Subject):
     restored: bool = False
     waits_since: float | None = None
     by_setting: bool = False
-    boots_until: float = -inf  # of a value that was so from its component's first message
+    boots_until: float = -inf  # of a value, or check, that was so from the first message
     clock: float = field(init=False)
     row: RowKey = field(init=False)
 

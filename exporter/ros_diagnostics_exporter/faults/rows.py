@@ -260,14 +260,14 @@ def _bound(book: Book, now: Instant) -> None:
     for robot in book.robots.values():
         robot.returned_until = min(robot.returned_until, now.mono + robot.settings.confirm_after)
         robot.booted_until = min(robot.booted_until, now.mono + robot.settings.boot_grace)
+        for problem in robot.all_problems():
+            problem.boots_until = min(problem.boots_until, robot.booted_until)
         _bound_subject(robot, now)
         _bound_history(robot.history, now)
         _bound_history(robot.history_before, now)
         for component in robot.components.values():
             component.since = _not_after(component.since, now)
             component.boots_until = min(component.boots_until, robot.booted_until)
-            for value in component.values.values():
-                value.boots_until = min(value.boots_until, robot.booted_until)
             _bound_subject(component, now)
             _bound_history(component.flaps, now)
         for capability in robot.capabilities.values():

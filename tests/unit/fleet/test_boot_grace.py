@@ -6,6 +6,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
+    Check,
     ComponentRule,
     Fleet,
     Profile,
@@ -202,3 +203,16 @@ def test_no_robot_boots_because_a_reload_has_it():
     driver.at(600)
     driver.state.configure(fleet, driver.now)
     assert driver.raw_every(1, 650, BLIND).fault_names() == {CRITICAL}
+
+
+def test_a_check_that_finds_too_little_from_the_first_message_on_has_it_too(tmp_path):
+    """Drivers come up one after another, and a capability may rest on that."""
+    motors = Check("motors", (Pattern("Motor"),), expect=2)
+    first, second = Status(OK, "Motor 1"), Status(OK, "Motor 2")
+    too_few = {("check", "critical", "r", "motors")}
+    for last, found in (((first, second), set()), ((first,), too_few)):
+        driver = StateDriver(boot_grace=120.0, checks=(Check("all"), motors)).at(SETTLED)
+        driver.raw_every(1, SETTLED + 50, first)
+        again = driver.again(tmp_path / f"{len(last)}")  # 50 s of it are over, and 5 without one
+        assert again.raw_every(1, 60, first).fault_names() == set()
+        assert again.raw_every(1, 90, *last).fault_names() == found
