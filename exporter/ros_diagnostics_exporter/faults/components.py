@@ -167,9 +167,7 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    is_known = component.has_fault
-    if not is_known and (robot.capabilities or robot.has_dependencies):
-        is_known = suppression.is_reported(book, component, now)
+    is_known = component.has_fault or suppression.is_reported(book, component, now)
     if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)

@@ -196,10 +196,13 @@ def is_explained(
 
 
 def is_reported(book: Book, component: ComponentRecord, now: Instant) -> bool:
-    """Whether a fault explains what is wrong with a component, so that people know of it."""
+    """Whether what explains its trouble is a fault, or was until just now: people know of it."""
+    problems = component.problems.values()
+    if any(now.mono < max(each.explained_until, component.explained_until) for each in problems):
+        return True
     return any(
         edge.problem.fault is not None and _holds(book, edge, each, now)
-        for each in component.problems.values()
+        for each in problems
         for edge in edges(book, each, now)
     )
 

@@ -1,6 +1,17 @@
 """Components whose faults are too short to be confirmed, and too many to be chance."""
 
-from support.fault_histories import ERROR, OK, back, level, maintenance, play, silent
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
+from support.fault_histories import (
+    ERROR,
+    OK,
+    back,
+    level,
+    levels,
+    maintenance,
+    on_robots,
+    play,
+    silent,
+)
 
 INTERMITTENT = "flapping/intermittent r1 motor"
 CRITICAL = "component/critical r1 motor"
@@ -111,4 +122,40 @@ def test_maintenance_is_suppressed_both_ways():
         (1022, None, f"began {INTERMITTENT}"),
         (1030, maintenance("r1", planned=True)),
         (3000, maintenance("r1", planned=False), f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_what_larger_faults_said_of_a_component_is_not_intermittent():
+    """Twelve of twenty fail for a minute, and again: once that was twelve faults beside the two."""
+    parts = [f"part {number}" for number in range(12)]
+    steps = [
+        step
+        for start in (0, 180)
+        for step in (
+            (start, levels(parts, ERROR)),
+            (start + 10, None, "began robot/many r1 critical"),
+            (start + 60, levels(parts[:7], OK)),
+            (start + 61, levels(parts[7:8], OK), "recovered robot/many r1 critical"),
+            (start + 62, levels(parts[8:], OK)),
+        )
+    ]
+    play(*steps, (1000, None))
+
+
+def test_nor_is_what_is_common_to_many_robots():
+    robots = ["r1", "r2", "r3", "r4"]
+    steps = [
+        step
+        for start in (0, 180)
+        for step in (
+            (start, on_robots(robots, level, "motor", ERROR)),
+            (start + 10, None, "began common/critical motor"),
+            (start + 60, on_robots(robots, level, "motor", OK), "recovered common/critical motor"),
+        )
+    ]
+    play(
+        *steps,
+        (1000, None),
+        robots=robots,
+        settings=FaultSettings(common=CauseSettings(3, 0.5)),
     )
