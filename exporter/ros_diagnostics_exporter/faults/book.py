@@ -32,7 +32,7 @@ TimerKind = Literal[
     "confirm",
     "fleet",
     "returned",
-    "booted",
+    "waits",
     "presence",
     "flaps",
     "trends",
@@ -123,6 +123,12 @@ class Book:
         if until > subject.explained_until:
             subject.explained_until = until
             self.written[subject.row] = None
+
+    def await_return(self, subject: Subject, robot: RobotRecord, until: float) -> None:
+        """Explain it until then, and count it, or its robot, towards nothing larger before."""
+        self.explain_until(subject, until)
+        subject.returns_until = max(subject.returns_until, until)
+        self.timers.set_at_latest(("waits", robot), until)
 
     # -- records -----------------------------------------------------------------------------
 

@@ -30,8 +30,8 @@ def count_component(book: Book, component: ComponentRecord, now: Instant) -> Non
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
     it is measured, until its robot's uplink explains it, or a component that it depends on.
     """
-    boots = now.mono < component.boots_until
-    is_error = component.level is Level.ERROR and not boots and component.is_failing
+    has_time = component.has_time(now)
+    is_error = component.level is Level.ERROR and not has_time and component.is_failing
     lasts = component.counted and component.level not in (Level.OK, Level.WARN)
     if not (is_error or component.counted):
         return
@@ -79,7 +79,7 @@ def count_robot(book: Book, robot: RobotRecord, now: Instant) -> None:
         return
     site = robot.settings.site
     unreachable = suppression.is_unreachable(book, robot, now)
-    in_grace = not robot.counted and now.mono < book.grace_until
+    in_grace = not robot.counted and now.mono < max(book.grace_until, robot.returns_until)
     fresh = silent and not (robot.maintenance or unreachable or in_grace)
     lasts = robot.counted and not robot.up
     counted = fresh or (lasts and (_is_fault(book, Scope.SITE, site) or not unreachable))
@@ -181,7 +181,7 @@ def _severities(cause: Cause, now: Instant) -> dict[str, Verdict]:
     for component in cause.robot.components.values():
         problem = component.problems.get(State.CRITICAL)
         if problem is not None and problem.lasts:
-            if problem.effect.counts and now.mono >= component.boots_until:
+            if problem.effect.counts and not component.has_time(now):
                 return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
             critical = Verdict.NO_DATA
     return {"critical": critical, "warning": Verdict.FAILING}
@@ -204,9 +204,8 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
 
 
 def _is_expected(component: ComponentRecord, now: Instant) -> bool:
-    """Whether a person planned its trouble, or it has time to boot."""
-    boots = now.mono < component.boots_until
-    return boots or component.is_planned_stale or component.in_downtime
+    """Whether a person planned its trouble, or it has time to boot or to return."""
+    return component.has_time(now) or component.is_planned_stale or component.in_downtime
 
 
 def _needed(book: Book, cause: Cause) -> int:

@@ -66,7 +66,7 @@ _ACTIONS: Mapping[TimerKind, Action] = {
     "fleet": lambda book, _, now: capabilities.update_fleet(book, now),
     "hours": lambda book, _, now: judge.follow_hours(book, now),
     "presence": presence.decay,
-    "booted": presence.count_anew,
+    "waits": presence.end_wait,
     "returned": lambda book, robot, _now: presence.touch_all(book, robot),
     "settled": lambda book, _, now: presence.settle(book, now),
     "trends": trends.sample,

@@ -82,7 +82,7 @@ def _pass_on(book: Book, explainer: Problem, before: Verdict, now: Instant) -> N
     """Have judged again what a problem explains; once it is over, with time to be healthy, too."""
     explained = suppression.explained_by(book, explainer, now)
     explained_them = before >= Verdict.ABSENT or explainer.fault is not None
-    if explained_them and explainer.verdict < Verdict.ABSENT:
+    if explained_them and explainer.verdict < Verdict.ABSENT and before is not explainer.verdict:
         suppression.release(book, explainer, explained, now)
     judge_explained(book, explainer, explained, now)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from ros_diagnostics_exporter.faults import causes, components, suppression
 from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.model import Identity, Reason, Scope, State, Verdict
@@ -68,7 +70,7 @@ def come_back(book: Book, robot: RobotRecord, now: Instant, *, may_boot: bool) -
     if not robot.is_restarted:
         robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
-    await_boot(book, robot, now)
+    await_time(book, robot, now)
     for state in (State.SILENT, State.PENDING):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.HEALTHY)
@@ -77,10 +79,18 @@ def come_back(book: Book, robot: RobotRecord, now: Instant, *, may_boot: bool) -
     _note_presence(book, robot, now)
 
 
-def await_boot(book: Book, robot: RobotRecord, now: Instant) -> None:
-    """Have all about a robot counted anew once its boot_grace is over, unless it is."""
-    if robot.booted_until > now.mono:
-        book.timers.set(("booted", robot), robot.booted_until)
+def await_time(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Have all about a robot counted anew once it, or a part, had its time to boot or return."""
+    ends = (robot.booted_until, robot.returns_until)
+    ahead = [*ends, *(each.returns_until for each in robot.components.values())]
+    due = min((each for each in ahead if each > now.mono), default=inf)
+    book.timers.set_at_latest(("waits", robot), due)
+
+
+def end_wait(book: Book, robot: RobotRecord, now: Instant) -> None:
+    """Count all about a robot whose time, or that of a part, to boot or return is over."""
+    count_anew(book, robot, now)
+    await_time(book, robot, now)
 
 
 def set_maintenance(book: Book, robot: RobotRecord, now: Instant, *, planned: bool) -> None:
@@ -97,7 +107,7 @@ def cut_off(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> Non
     elif since is not None:
         until = now.mono + min(now.mono - since, TIME_TO_RETURN)
         for problem in robot.all_problems():
-            book.explain_until(problem.subject, until)
+            book.await_return(problem.subject, robot, until)
     count_anew(book, robot, now)
 
 

@@ -114,10 +114,12 @@ class Subject:
     """What another fault may explain.
 
     ``explained_until`` (monotonic): from then on confirm_after is counted, because what explained
-    it is over for long enough.
+    it is over for long enough. ``returns_until``: until then it counts towards no larger fault,
+    because that was what it is reached or fed through.
     """
 
     explained_until: float = -inf
+    returns_until: float = -inf
     row: RowKey = field(init=False)
 
 
@@ -248,6 +250,10 @@ class ComponentRecord(Subject):
         """Whether it is in trouble now, freshly known, and nobody planned that."""
         planned = self.is_planned_stale or self.in_downtime
         return self.level is not Level.OK and self.since is not None and not planned
+
+    def has_time(self, now: Instant) -> bool:
+        """Whether its trouble is to be over by itself: it boots, or what feeds it is just back."""
+        return now.mono < max(self.boots_until, self.returns_until)
 
     @property
     def is_intermittent(self) -> bool:

@@ -23,7 +23,7 @@ def remove_robot(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     book.touched_robots.pop(robot, None)
     for capability in robot.capabilities.values():
         book.write(capability)
-    for kind in ("returned", "booted", "presence", "trends"):
+    for kind in ("returned", "waits", "presence", "trends"):
         book.timers.clear((kind, robot))
     book.write(robot.many)
     book.write(robot)
@@ -61,7 +61,7 @@ def move_component(
     moved = ComponentRecord(robot, new, component.settings)
     moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
     moved.counted, moved.explained_until = component.counted, component.explained_until
-    moved.boots_until = component.boots_until
+    moved.boots_until, moved.returns_until = component.boots_until, component.returns_until
     moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
     moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
     changes += remove_component(book, robot, old, now)

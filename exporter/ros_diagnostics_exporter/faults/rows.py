@@ -277,7 +277,9 @@ def _bound(book: Book, now: Instant) -> None:
 
 
 def _bound_subject(subject: Subject, now: Instant) -> None:
-    subject.explained_until = min(subject.explained_until, now.mono + TIME_TO_RETURN)
+    latest = now.mono + TIME_TO_RETURN
+    subject.explained_until = min(subject.explained_until, latest)
+    subject.returns_until = min(subject.returns_until, latest)
 
 
 def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
@@ -326,7 +328,7 @@ def _set_timers(book: Book, now: Instant) -> None:
             timers.set(("confirm", problem), book.due(problem))
     for robot in book.robots.values():
         _set_timers_of(book, robot)
-        presence.await_boot(book, robot, now)
+        presence.await_time(book, robot, now)
 
 
 def _set_timers_of(book: Book, robot: RobotRecord) -> None:

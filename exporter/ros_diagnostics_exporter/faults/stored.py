@@ -160,7 +160,7 @@ def _record(name: str, table: Table) -> Kind:
 
 
 # What another explained, of each subject.
-_EXPLAINED: Table = {"explained_until": _MONO}
+_EXPLAINED: Table = {"explained_until": _MONO, "returns_until": _MONO}
 FLEET: Table = {"settled_at": _MONO, "grace_until": _MONO}
 ROBOT_SETTINGS: Table = {
     "labels": _LABELS,

@@ -120,14 +120,18 @@ def _is_presence(identity: Identity) -> bool:
 
 
 def _is_planned_silence(book: Book, problem: Problem) -> bool:
-    """Whether a robot is not reached because its uplink fails in a planned downtime.
+    """Whether a robot is not reached because its uplink, or one of that, fails in a downtime.
 
     Who plans that plans the silence of all robots that are reached through it.
     """
-    uplink = None if problem.robot is None else book.robots.get(problem.robot.settings.uplink)
-    if uplink is None or not uplink.maintenance or not _rests_on_reception(problem):
-        return False
-    return any(edge.problem.lasts for edge in _uplinks(book, problem.robot))
+    robot, seen = problem.robot, set[RobotRecord]()
+    while robot is not None and robot not in seen and _rests_on_reception(problem):
+        seen.add(robot)
+        failing = [edge.problem for edge in _uplinks(book, robot) if edge.problem.lasts]
+        if any(each.in_downtime for each in failing):
+            return True
+        robot = book.robots.get(robot.settings.uplink) if failing else None
+    return False
 
 
 def _rests_on_reception(problem: Problem) -> bool:
@@ -488,4 +492,7 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
         bound = until
         if explainer.fault is None and problem.waits_since is not None:
             bound = min(until, latest(book, problem, now))
-        book.explain_until(problem.subject if explainer.capability is None else problem, bound)
+        if component is not None and problem.robot is not None:
+            book.await_return(problem.subject, problem.robot, bound)
+        else:
+            book.explain_until(problem.subject if explainer.capability is None else problem, bound)

@@ -12,6 +12,7 @@ from support.fault_histories import (
     forget,
     level,
     levels,
+    maintenance,
     on_robots,
     play,
     silent,
@@ -154,3 +155,50 @@ def test_what_flaps_with_it_is_one_fault():
     ]
     steps[6] = (*steps[6], "began flapping/flapping r1 power")
     play(*steps)
+
+
+def test_many_of_them_have_time_to_return_before_they_are_many():
+    """Once that was a fault at the moment at which the power was back."""
+    parts = [behind(each, ERROR) for each in PARTS]
+    steps = (
+        (0, together(*parts)),
+        (5, level("power", ERROR)),
+        (20, None, POWER),  # for five seconds it was one of many
+        (105, level("power", OK), WELL),
+    )
+    well = together(*(behind(each, OK) for each in PARTS))
+    play(*steps, (145, well), (1000, None))
+    # A minute, their confirm_after, and the 15 s in which it may turn out that something else is.
+    play(*steps, (189, None), (190, None, "began robot/many r1 critical"))
+
+
+def test_nor_are_they_common_to_many_robots_before():
+    robots = ["r1", "r2", "r3", "r4"]
+    of_all = {"robots": robots, "settings": FaultSettings(common=CauseSettings(3, 0.5))}
+    steps = (
+        (0, on_robots(robots, level, "power", ERROR)),
+        (1, together(*(behind("laser", ERROR, robot=each) for each in robots))),
+        (10, None, "began common/critical power"),
+        (100, on_robots(robots, level, "power", OK), "recovered common/critical power"),
+    )
+    well = together(*(behind("laser", OK, robot=each) for each in robots))
+    play(*steps, (140, well), (1000, None), **of_all)
+    play(*steps, (169, None), (170, None, "began common/critical laser"), **of_all)
+
+
+def test_what_is_over_without_data_gives_time_only_once():
+    """Each change of the robot's downtime gave the laser another half a minute."""
+    play(
+        (0, together(level("power", ERROR, planned_stale=True), behind("laser", ERROR))),
+        (10, None, POWER),
+        (30, level("power", STALE, planned_stale=True)),
+        *(
+            step
+            for second in range(31, 68, 2)
+            for step in (
+                (second, maintenance(planned=True)),
+                (second + 1, maintenance(planned=False)),
+            )
+        ),
+        (70, None, LASER),
+    )

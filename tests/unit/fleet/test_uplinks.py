@@ -5,7 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Query, Robot, Source
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    Fleet,
+    Profile,
+    Query,
+    Robot,
+    Source,
+)
 from ros_diagnostics_exporter.model import Downtime, Status
 from support.state_driver import ERROR, OK, StateDriver
 
@@ -260,3 +267,34 @@ def test_the_planned_downtime_of_an_uplink_is_that_of_the_silence_behind_it(driv
     assert driver.suppressed("r")["silent"] == "maintenance"
     heal(driver, all_of_them=True)
     assert driver.pass_to(driver.now.mono + 600).began == []
+
+
+def in_hall(driver: Driver) -> Driver:
+    """The same robots, of a site of which three that are silent are one fault."""
+    config = driver.state.fleet
+    robots = (replace(each, labels={**each.labels, "site": "hall"}) for each in config.robots)
+    site = replace(config.faults, site=CauseSettings(3, 0.5))
+    driver.state.configure(replace(config, robots=tuple(robots), faults=site), driver.now)
+    return driver
+
+
+@pytest.mark.parametrize("back", [50.0, 200.0])
+def test_their_site_counts_robots_that_had_time_to_return_after_their_uplink(driver, back):
+    """Once it was silent 25 s after the access point was back, of the minute that they have."""
+    fail(in_hall(driver), "ap")
+    driver.pass_to(600)
+    heal(driver)
+    driver.pass_to(600 + back)
+    assert driver.began == ["ap ping", "hall silent"][: 1 + (back > 60)]
+    heal(driver, all_of_them=True)
+    driver.pass_to(1200)
+    assert sorted(driver.ended) == sorted(driver.began)
+
+
+@pytest.mark.parametrize("planned", [("router", ""), ("ap", "ping"), ("router", "ping")])
+def test_so_is_that_of_what_it_is_reached_through_and_of_its_ping_alone(driver, planned):
+    now = driver.now.wall
+    driver.state.plan([Downtime(*planned, now, now + 600, "kim", "new cables")], driver.now)
+    fail(driver, "ap", "router" if planned[0] == "router" else "ap")
+    assert driver.pass_to(driver.now.mono + 300).began == []
+    assert driver.suppressed("r")["silent"] == "maintenance"
