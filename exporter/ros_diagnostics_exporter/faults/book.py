@@ -85,10 +85,10 @@ class Book:
     def touch(self, problems: Iterable[Problem]) -> None:
         """Have these judged again, and the capabilities that rest on them."""
         for problem in problems:
-            self._touch(problem)
+            self.touched[problem] = None
+            self._touch_capabilities(problem)
 
-    def _touch(self, problem: Problem) -> None:
-        self.touched[problem] = None
+    def _touch_capabilities(self, problem: Problem) -> None:
         robot = problem.robot
         if robot is not None and robot.capabilities and not problem.capability:
             self.touched_robots[robot] = None
@@ -101,7 +101,8 @@ class Book:
             self.changed.setdefault(problem, problem.verdict)
             problem.verdict = verdict
             self.written[problem.row] = None
-        self._touch(problem)
+        self.touched[problem] = None
+        self._touch_capabilities(problem)
 
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""
@@ -165,8 +166,8 @@ class Book:
     def drop_problem(self, problem: Problem) -> None:
         """Take out a problem, here and at its owner."""
         del self.problems[problem.identity]
-        self.touch((problem,))
-        del self.touched[problem]
+        self.touched.pop(problem, None)
+        self._touch_capabilities(problem)
         self.changed.pop(problem, None)
         self.timers.clear(("confirm", problem))
         self.write(problem)

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant, Level
 
+_OK, _WARN, _ERROR, _STALE = Level
 _OUT_OF_REACH = (Reason.UNREACHABLE, Reason.DEPENDS_ON)
 _BY_OTHERS = (*_OUT_OF_REACH, Reason.COMMON)
 
@@ -31,10 +32,10 @@ def count_component(book: Book, component: ComponentRecord, now: Instant) -> Non
     it is measured, until its robot's uplink explains it, or a component that it depends on.
     """
     has_time = component.has_time(now)
-    is_error = component.level is Level.ERROR and not has_time and component.is_failing
-    lasts = component.counted and component.level not in (Level.OK, Level.WARN)
+    is_error = component.level is _ERROR and not has_time and component.is_failing
     if not (is_error or component.counted):
         return
+    lasts = component.counted and component.level not in (_OK, _WARN)
     name = component.name.component
     explained = _is_explained(book, component, _OUT_OF_REACH, now)
     fresh = is_error and not explained
@@ -63,7 +64,7 @@ def _is_explained(
     # Most components have nothing that could, and are counted at each change of their level.
     name = (Scope.COMMON, component.name.component)
     is_common = Reason.COMMON in reasons and name in book.causes
-    is_absent = settings.measured or component.level is Level.STALE
+    is_absent = settings.measured or component.level is _STALE
     if not (settings.depends_on or is_common or (is_absent and robot.settings.uplink)):
         return False
     return suppression.is_explained(book, component.problems.values(), reasons, now)
@@ -193,19 +194,36 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     if robot is None:
         return len(cause.counted), len(cause.fresh)
     lasting = [each for each in robot.components.values() if each.since is not None]
-    unplanned = [each for each in lasting if not _is_expected(each, now)]
+    unplanned = _unplanned(robot, lasting, now)
     # What is planned begins no fault, and ends none.
     left = len(lasting if cause.is_fault else unplanned)
-    fresh = [each for each in unplanned if each.level is not Level.OK]
+    fresh = [each for each in unplanned if each.level is not _OK]
     nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
     if nothing_known or 2 * len(fresh) < needed:
         return left, 0
-    return left, sum(not _is_explained(book, each, _BY_OTHERS, now) for each in fresh)
+    if may_leave_out(book, robot):
+        fresh = [each for each in fresh if not _is_explained(book, each, _BY_OTHERS, now)]
+    return left, len(fresh)
 
 
-def _is_expected(component: ComponentRecord, now: Instant) -> bool:
-    """Whether a person planned its trouble, or it has time to boot or to return."""
-    return component.has_time(now) or component.is_planned_stale or component.in_downtime
+def _unplanned(
+    robot: RobotRecord, components: list[ComponentRecord], now: Instant
+) -> list[ComponentRecord]:
+    """Those components of a robot whose trouble nobody planned, nor has time to be over."""
+    if robot.maintenance:
+        return []
+    return [
+        each
+        for each in components
+        if not (each.has_time(now) or each.name.component in robot.maintained)
+        and not (each.settings.planned_stale and each.is_planned_stale)
+    ]
+
+
+def may_leave_out(book: Book, robot: RobotRecord) -> bool:
+    """Whether there is anything for which a component of it may not be counted: mostly not."""
+    is_cut_off = robot.cut_off_since is not None
+    return bool(robot.has_dependencies or book.causes or is_cut_off or robot.settings.uplink)
 
 
 def _needed(book: Book, cause: Cause) -> int:

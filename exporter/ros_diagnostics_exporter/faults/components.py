@@ -32,6 +32,7 @@ from ros_diagnostics_exporter.faults.records import (
 from ros_diagnostics_exporter.model import Instant, Level
 
 _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
+_OK, _WARN, _ERROR, _STALE = Level
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
     {
@@ -47,7 +48,7 @@ def of_component(
     level: Level, settings: ComponentSettings, known: Container[State]
 ) -> Mapping[State, Verdict]:
     """The verdict on each state of a component; ``known`` are those that it is in already."""
-    if level is not Level.STALE:
+    if level is not _STALE:
         return _OF_LEVEL[level]
     if settings.planned_stale:
         return _NOTHING_KNOWN
@@ -84,22 +85,24 @@ def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) ->
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
     """Take the level of one component of a robot that is up."""
-    planned = report.level is Level.STALE and report.settings.planned_stale
-    component = robot.components.get(report.name)
+    name, level, settings, is_first = report
+    planned = level is _STALE and settings.planned_stale
+    component = robot.components.get(name)
     if component is None:
-        if report.level is Level.OK or planned:
+        if level is _OK or planned:
             return
-        component = book.add_component(ComponentRecord(robot, report.name, report.settings))
-    component.settings, component.level = report.settings, report.level
-    robot.has_dependencies = robot.has_dependencies or bool(report.settings.depends_on)
+        component = book.add_component(ComponentRecord(robot, name, settings))
+    component.settings, component.level = settings, level
+    if settings.depends_on:
+        robot.has_dependencies = True
     if not planned:
-        _note_change(book, component, report.level, now)
+        _note_change(book, component, level, now)
     _judge_intermittent(book, component, now)
-    if report.level is Level.OK:
+    if level is _OK:
         component.since, component.boots_until = None, -inf
     elif component.since is None and not planned:
         component.since = now
-    if report.is_first and report.level is not Level.OK and not robot.is_restarted:
+    if is_first and level is not _OK and not robot.is_restarted:
         component.boots_until = robot.booted_until
     _judge_level(book, component, now)
     causes.count_component(book, component, now)
@@ -111,7 +114,7 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
 
 def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
     known: Container[State] = ()
-    if component.level is Level.STALE:  # asked of nothing else
+    if component.level is _STALE:  # asked of nothing else
         known = {state for state, each in component.problems.items() if not each.by_setting}
     found = of_component(component.level, component.settings, known)
     for state, verdict in found.items():
@@ -132,7 +135,7 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
         if verdict is Verdict.FAILING:
             problem.by_setting = False
         book.give_verdict(problem, verdict)
-    if component.level is Level.STALE:
+    if component.level is _STALE:
         for value in component.values.values():
             book.give_verdict(value, Verdict.NO_DATA)
 
@@ -160,8 +163,8 @@ def hold(book: Book, robot: RobotRecord, now: Instant) -> None:
 def _note_change(book: Book, component: ComponentRecord, level: Level, now: Instant) -> None:
     """Count a change of level; not in maintenance, nor what an aggregator reports after a start."""
     robot = component.robot
-    last = Level.OK if component.flaps is None else component.flaps.slots[-1]
-    returned = level is Level.STALE and now.mono < robot.returned_until
+    last = _OK if component.flaps is None else component.flaps.slots[-1]
+    returned = level is _STALE and now.mono < robot.returned_until
     if level == last or returned or component.in_downtime:
         return
     if component.flaps is None:
@@ -184,6 +187,8 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
+    if State.FLAPPING in component.problems:
+        book.touch(component.problems.values())  # as `report_level` has what is received
     book.write(component)
     if component.is_usual:
         book.drop_component(component)
@@ -209,7 +214,7 @@ def wake(book: Book, component: ComponentRecord) -> None:
     if flaps.changed:
         due = min(due, flaps.changed[0] + book.settings.intermittent.within)
     book.timers.set_at_latest(("flaps", component), due)  # too early: it is set again then
-    if due == inf and flaps.slots[-1] == Level.OK:
+    if due == inf and flaps.slots[-1] == _OK:
         component.flaps = None
 
 
@@ -221,6 +226,8 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     problem = component.problems.get(State.INTERMITTENT)
     number = 0 if component.flaps is None else len(component.flaps.changed)
     level, most = component.level, book.settings.intermittent.changes
+    if problem is None and number < most:
+        return
     is_fault = problem is not None and problem.fault is not None
     lasts = is_fault and (2 * number >= most or level is not Level.OK)
     verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
@@ -247,7 +254,6 @@ def _judge_flapping(
         problem = _add_flapping(book, component, State.FLAPPING, now)
     if problem is not None:
         book.give_verdict(problem, verdict)
-        book.touch(component.problems.values())
     wake(book, component)
 
 

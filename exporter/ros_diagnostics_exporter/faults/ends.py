@@ -21,7 +21,7 @@ MOST = 10_000  # of either kind; the newest are kept
 
 def row(identity: Identity) -> RowKey:
     """The row of what ended a fault."""
-    return "end", (identity[0].value, identity[1].value, *identity[2:])
+    return "end", identity
 
 
 def add(book: Book, fault: Fault, reason: Literal["recovered", "removed"], now: Instant) -> None:

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.faults.suppression import CLOCK_TOLERANCE
 from ros_diagnostics_exporter.model import Instant
 
 EVIDENCE_LENGTH = 4096  # characters
+_HEALTHY = Verdict.HEALTHY
 _CLOCK_SET = 1.0  # seconds between both clocks after which the wall clock was set
 
 
@@ -52,8 +53,10 @@ def settle(book: Book, now: Instant) -> list[Change]:
     """Judge all that was touched, what explains others first; what began and ended."""
     changes: list[Change] = []
     while _propagate(book, now):
-        # In the order of their identities, so that the result depends on nothing else.
-        touched = sorted(book.touched, key=attrgetter("identity"))
+        # In the order of their identities, so that the result depends on nothing else. A fault that
+        # is not healthy lasts, whatever else there is.
+        touched = [each for each in book.touched if each.fault is None or each.verdict is _HEALTHY]
+        touched.sort(key=attrgetter("identity"))
         book.touched.clear()
         for problem in touched:
             change = _judge(book, problem, now)
@@ -92,27 +95,29 @@ def judge_explained(book: Book, explainer: Problem, explained: list[Problem], no
     if not explained:
         return
     book.touch(explained)
-    for component in dict.fromkeys(each.component for each in explained):
-        if component is not None and component is not explainer.component:
+    robots = dict.fromkeys([each.robot for each in explained if each.robot is not None])
+    leaving_out = {each for each in robots if causes.may_leave_out(book, each)}
+    for component in dict.fromkeys([each.component for each in explained]):
+        if component is None or component is explainer.component:
+            continue
+        if component.robot in leaving_out:
             causes.count_component(book, component, now)
             book.touched_causes[component.robot.many] = None
-    robots = {each.robot: None for each in explained if each.component is None}
-    for robot in robots:
+    for robot in {each.robot: None for each in explained if each.component is None}:
         if robot is not None and robot is not explainer.robot:
             causes.count_robot(book, robot, now)
 
 
 def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
-        healthy = problem.verdict is Verdict.HEALTHY  # first: it is asked of each at each change
-        if healthy and problem.effect.ends and suppression.why_not_end(problem) is None:
+        if problem.effect.ends and suppression.why_not_end(problem) is None:
             by_person = problem.cause is not None and problem.cause.thinned
             reason: Literal["removed", "recovered"] = "removed" if by_person else "recovered"
             _drop(book, problem, now)
             ends.add(book, problem.fault, reason, now)
             return Change(reason, problem.fault, now.wall)
         return None
-    if problem.verdict is Verdict.HEALTHY:
+    if problem.verdict is _HEALTHY:
         _drop(book, problem, now)
         return None
     due = book.due(problem)

@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     State,
     Verdict,
+    severity_of,
 )
 from ros_diagnostics_exporter.faults.needs import Bad, WantedCapability
 from ros_diagnostics_exporter.model import Instant, Level
@@ -153,13 +154,17 @@ class Problem(Subject):
 
     def __post_init__(self) -> None:
         self.clock = self.since.mono
-        of = self.identity
-        self.row = ("problem", (of[0].value, of[1].value, *of[2:]))
+        self.row = ("problem", self.identity)
 
     @property
     def lasts(self) -> bool:
         """Whether it was not healthy when last known: in trouble, or without data since."""
         return self.verdict is not Verdict.HEALTHY
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether it is of severity critical; else of warning."""
+        return severity_of(self.identity) == "critical"
 
     @property
     def in_downtime(self) -> bool:
@@ -264,11 +269,10 @@ class ComponentRecord(Subject):
     @property
     def has_fault(self) -> bool:
         """Whether its level, or how often that changes, is confirmed to be wrong."""
-        return any(
-            problem.fault is not None
-            for state, problem in self.problems.items()
-            if state is not State.INTERMITTENT
-        )
+        for state, problem in self.problems.items():
+            if problem.fault is not None and state is not State.INTERMITTENT:
+                return True
+        return False
 
     @property
     def in_downtime(self) -> bool:

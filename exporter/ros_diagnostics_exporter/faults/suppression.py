@@ -21,7 +21,6 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     State,
     Verdict,
-    severity_of,
 )
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
@@ -89,7 +88,7 @@ def _why_not_yet(book: Book, problem: Problem, now: Instant) -> Reason | None:
         return Reason.RESTART
     if is_absent and robot is not None and now.mono < _returned(problem, robot):
         return Reason.RETURNED
-    if severity_of(problem.identity) == "warning" and not warnings_may_begin(book, now):
+    if not (problem.is_critical or warnings_may_begin(book, now)):
         return Reason.HOURS
     return None
 
@@ -250,12 +249,7 @@ def _holds(book: Book, edge: Edge, problem: Problem, now: Instant) -> bool:
 def _says_enough(edge: Edge, problem: Problem) -> bool:
     """Whether what explains a problem says as much about it, or is at least as severe."""
     is_specific = edge.is_specific and edge.problem.verdict >= Verdict.ABSENT
-    return is_specific or _is_as_severe(edge.problem, problem)
-
-
-def _is_as_severe(explainer: Problem, problem: Problem) -> bool:
-    is_critical = severity_of(explainer.identity) == "critical"
-    return is_critical or severity_of(problem.identity) == "warning"
+    return is_specific or edge.problem.is_critical or not problem.is_critical
 
 
 def reporter_of(book: Book, problem: Problem, now: Instant) -> Problem | None:
@@ -431,15 +425,14 @@ def explained_by(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
 def _directly(book: Book, explainer: Problem, now: Instant) -> list[Problem]:
     """The problems to which there is an edge from it, and which it is severe enough for."""
     if explainer.cause is not None:  # of which there may be many: its edges are simple ones
-        found = _candidates(book, explainer)
-        if severity_of(explainer.identity) == "critical":
-            return list(found)
-        return [each for each in found if _is_as_severe(explainer, each)]
+        found = list(_candidates(book, explainer))
+        return found if explainer.is_critical else [each for each in found if not each.is_critical]
     return [
         problem
         for problem in _candidates(book, explainer)
         for edge in edges(book, problem, now)
-        if edge.problem is explainer and (edge.is_specific or _is_as_severe(explainer, problem))
+        if edge.problem is explainer
+        and (edge.is_specific or explainer.is_critical or not problem.is_critical)
     ]
 
 

@@ -328,10 +328,11 @@ class RobotReports:
     def _report_levels(
         self, faults: Faults, changed: list[Component], now: Instant, *, renamed: bool
     ) -> list[Change]:
+        awaited = self._awaited or ()  # of most robots none is
         reported = [
             self._component_report(component, name)
             for component, name in self._to_report(changed)
-            if component not in self._awaited
+            if component not in awaited
         ]
         if not reported and not renamed:
             return []
@@ -348,13 +349,15 @@ class RobotReports:
         """The component as it is judged: healthy, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
         is_first = self._first is not None and component in self._first.now
-        suppressed = self._find_suppression(component)
         is_late = component.is_stale and not component.stale_at_source
+        if level is Level.OK and not is_late:
+            return ComponentReport(name, level, settings, is_first)
+        suppressed = self._find_suppression(component)
         if self.robot.network.lossy and component.feed is None and is_late:
             suppressed = Suppressed("messages are lost", known=False)
         if is_late and level is Level.OK:  # as fleet.yml has STALE: no message says so
             suppressed, level = Suppressed("nothing is received", known=False), Level.STALE
-        if suppressed is None or level is Level.OK:
+        if suppressed is None:
             return ComponentReport(name, level, settings, is_first)
         if suppressed.known and level is not Level.STALE:
             return ComponentReport(name, Level.OK, settings)
