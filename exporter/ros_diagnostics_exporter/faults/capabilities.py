@@ -8,7 +8,7 @@ to be repaired all the same. What is in maintenance is left out in both directio
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from math import inf
 
 from ros_diagnostics_exporter.faults import needs, suppression
@@ -249,7 +249,7 @@ def _judge(
         if robot is not None:
             book.followed[robot.name] = None
     capability.due = actual.due
-    parts = {**in_use.parts, **actual.parts}
+    parts = dict(_remembered(book, capability, {**in_use.parts, **actual.parts}))
     # What is STALE in a downtime of its own hides nothing of the others.
     known = in_use if actual.state is CapabilityState.UNKNOWN else actual
     if known.state not in (CapabilityState.OK, CapabilityState.UNKNOWN):
@@ -264,6 +264,17 @@ def _judge(
         if in_use.due == inf:  # something larger explains the silence of too many robots
             verdict = min(verdict, Verdict.NO_DATA)
         _take_verdict(book, capability, fault_state, (verdict, in_use.due), now)
+
+
+def _remembered(
+    book: Book, capability: CapabilityRecord, parts: Mapping[PartName, Bad]
+) -> Iterator[tuple[PartName, Bad]]:
+    """The parts, those in maintenance as bad as before it: what is wrong meanwhile counts not."""
+    for part, bad in parts.items():
+        if not is_maintained(book, capability.robot, part):
+            yield part, bad
+        elif part in capability.parts:
+            yield part, min(bad, capability.parts[part])
 
 
 def _take_verdict(

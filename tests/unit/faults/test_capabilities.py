@@ -311,6 +311,17 @@ def test_a_part_that_is_well_in_its_maintenance_ends_nothing_before_the_end_of_i
     )
 
 
+def test_a_part_that_was_worse_in_its_maintenance_counts_as_before_it_once_it_is_well():
+    last = play(
+        (0, on(None, level(MOTOR, WARN))),
+        (10, None, f"began {WORSE} drive"),
+        (20, on(MOTOR)),
+        (30, on(MOTOR, level(MOTOR, ERROR))),
+        (100, on(MOTOR, level(MOTOR, OK))),
+    )
+    assert last.faults.capabilities("r1")["drive"].state is CapabilityState.DEGRADED
+
+
 def test_a_part_that_flaps_is_as_good_as_at_its_worst():
     changes = [(2 * each, level(UPPER, OK if each % 2 else ERROR)) for each in range(7)]
     last = play(
