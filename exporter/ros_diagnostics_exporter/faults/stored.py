@@ -7,6 +7,7 @@ as its default, so that rows of an earlier version are still read.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
 from math import inf
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
@@ -36,7 +37,6 @@ Moment = Annotated[float, Field(ge=-NEVER, le=NEVER)]
 Seconds = Annotated[float, Field(ge=0, le=1e11)]
 Interval = Annotated[float, Field(gt=0, le=1e11)]
 Text = Annotated[str, Field(max_length=4096)]
-Number = Annotated[int, Field(ge=0, le=3)]
 Labels = Annotated[dict[Text, Text], Field(max_length=1000)]
 
 
@@ -99,7 +99,7 @@ _LABELS = Kind(
 class _History(NamedTuple):
     """The states of one thing that may flap."""
 
-    slots: Annotated[list[Number], Field(min_length=SLOTS, max_length=SLOTS)]
+    slots: Annotated[list[Level], Field(min_length=SLOTS, max_length=SLOTS)]
     last: Moment
     changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)] = []  # noqa: RUF012
 
@@ -108,7 +108,7 @@ def _write_history(history: FlapHistory | None, clock: Clock) -> dict[str, Any] 
     if history is None:
         return None
     changed = [mono + clock.offset for mono in history.changed]
-    return _History(list(history.slots), history.last + clock.offset, changed)._asdict()
+    return _History([*map(Level, history.slots)], history.last + clock.offset, changed)._asdict()
 
 
 def _read_history(stored: _History | None, clock: Clock) -> FlapHistory | None:
@@ -120,14 +120,14 @@ def _read_history(stored: _History | None, clock: Clock) -> FlapHistory | None:
 
 
 _HISTORY = Kind(_History | None, None, _write_history, _read_history)
-_Part = tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]
+_Part = tuple[Text, Text, Text, Text, Text, CapabilityState, Moment]
 _PARTS = Kind(
     list[_Part],
     write=lambda parts, clock: [
         (*part, int(bad.state), min(bad.due + clock.offset, NEVER)) for part, bad in parts.items()
     ],
     read=lambda parts, clock: {
-        PartName(*part): Bad(CapabilityState(state), clock.mono(due)) for *part, state, due in parts
+        PartName(*part): Bad(state, clock.mono(due)) for *part, state, due in parts
     },
 )
 _DEPENDS_ON = Kind(
@@ -138,10 +138,8 @@ _DEPENDS_ON = Kind(
 )
 
 
-def _enum(enum: Callable[[Any], Any], type_: Any) -> Kind:
-    return Kind(
-        type_, write=lambda value, _clock: value.value, read=lambda value, _clock: enum(value)
-    )
+def _enum(enum: type[Enum]) -> Kind:
+    return Kind(enum, write=lambda value, _clock: value.value)
 
 
 def _schema(name: str, *tables: Table) -> Any:
@@ -171,7 +169,7 @@ ROBOT_SETTINGS: Table = {
 }
 ROBOT: Table = {
     "declared": Kind(bool),
-    "presence": _enum(Presence, Literal["never", "silent", "up"]),
+    "presence": _enum(Presence),
     "maintenance": Kind(bool),
     "maintained": Kind(
         Annotated[list[Text], Field(max_length=1000)],
@@ -198,7 +196,7 @@ _COMPONENT_SETTINGS: Table = {
 }
 COMPONENT: Table = {
     "settings": _record("settings", _COMPONENT_SETTINGS),
-    "level": _enum(Level, Number),
+    "level": _enum(Level),
     "since": _INSTANT,
     "counted": Kind(bool),
     "flaps": _HISTORY,
@@ -207,7 +205,7 @@ COMPONENT: Table = {
 }
 CAUSE: Table = {"active": _INSTANT, "adopted": Kind(bool)}
 CAPABILITY: Table = {
-    "worst": _enum(CapabilityState, Annotated[int, Field(ge=0, le=4)]),
+    "worst": _enum(CapabilityState),
     "parts": _PARTS,
     "adopted": Kind(bool, default=False),
     **_EXPLAINED,
@@ -225,7 +223,7 @@ _FAULT: Table = {
 PROBLEM: Table = {
     "since": _INSTANT._replace(type=Moment, default=...),
     "clock": _MONO._replace(type=Moment, default=...),
-    "verdict": _enum(Verdict, Number),
+    "verdict": _enum(Verdict),
     "fault": _record("fault", _FAULT),
     "waits_since": _MONO_OR_NONE,
     "by_setting": Kind(bool, default=False),

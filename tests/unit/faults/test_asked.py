@@ -131,7 +131,7 @@ FLEET_ROW = ("fleet", [], {"settled_at": 1.0, "grace_until": None})
         ([FLEET_ROW, 5, 6], ["a row of the faults: it: Input should be a valid tuple"] * 2),
         (
             [FLEET_ROW, ("capability", ("r1", "view"), {"parts": [], "worst": 5})],
-            ["capability 'r1 view': worst: Input should be less than or equal to 4"],
+            ["capability 'r1 view': worst: Input should be 0, 1, 2, 3 or 4"],
         ),
     ],
 )
