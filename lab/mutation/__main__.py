@@ -15,10 +15,9 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from mutation.drawn import OTHERS, PACKAGES
 from mutation.score import TOO_FEW
 from support.planted import copied_checkout
-
-PACKAGES = ("api", "config", "decode", "faults", "fleet", "metrics", "robots", "storage", "web")
 
 
 def main() -> None:
@@ -63,7 +62,10 @@ def _score(copy: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="./run mutate", description=main.__doc__)
     parser.add_argument(
-        "package", nargs="*", metavar="PACKAGE", help=f"of {', '.join(PACKAGES)}; all if none"
+        "package",
+        nargs="*",
+        metavar="PACKAGE",
+        help=f"of {', '.join(PACKAGES)}, which are all if none is named; {', '.join(OTHERS)}",
     )
     parser.add_argument("--mutants", type=int, default=50, help="of each package (%(default)s)")
     parser.add_argument(

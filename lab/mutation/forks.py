@@ -10,7 +10,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from functools import _lru_cache_wrapper
 from pathlib import Path
 from typing import Any
@@ -40,15 +40,15 @@ class Tests:
         SystemExit: they do not.
     """
 
-    def __init__(self, folder: Path, source: Path) -> None:
-        self._folder, self._source = folder, source
+    def __init__(self, paths: Sequence[str], source: Path) -> None:
+        self._paths, self._source = paths, source
         # Without a mutant, tests may take as long as they do on this machine, however busy it is.
         self._limit, self._slower = resource.RLIM_INFINITY, 0
         measured = Path("measured.json")
         os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
         status, _ = self._fork(lambda: self._measure(measured))
         if status:
-            sys.exit(f"the tests of {folder} fail without a mutant:\n{OUTPUT.read_text()}")
+            sys.exit(f"the tests {' '.join(paths)} fail without a mutant:\n{OUTPUT.read_text()}")
         found = json.loads(measured.read_text())
         self._all: list[str] = found["tests"]
         self._seconds: dict[str, float] = found["seconds"]
@@ -58,7 +58,7 @@ class Tests:
                 importlib.import_module(name)
         status, used = self._run(self._all)
         if status:
-            sys.exit(f"the tests of {folder} fail in a fork:\n{OUTPUT.read_text()}")
+            sys.exit(f"the tests {' '.join(paths)} fail in a fork:\n{OUTPUT.read_text()}")
         self._limit, self._slower = int(10 + SLOWER * used), SLOWER
 
     def reaching(self, path: Path, lines: range) -> list[str]:
@@ -83,7 +83,7 @@ class Tests:
         )
         watched = _Watched(measuring)
         measuring.start()
-        status = pytest.main([*OPTIONS, "--timeout=0", str(self._folder)], [watched])
+        status = pytest.main([*OPTIONS, "--timeout=0", *self._paths], [watched])
         measuring.stop()
         data = measuring.get_data()
         here = str(Path.cwd())

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import yaml
 
+from mutation.drawn import drawn
 from mutation.forks import Tests
 from mutation.mutants import Change, Mutant, draw
 
-PACKAGES = Path("exporter/ros_diagnostics_exporter").resolve()
 ALLOWED = Path(__file__).with_name("survivors.yml")
 WANTED, OF_PACKAGES = 0.85, {"faults": 0.95}  # the part that is to be killed
 TOO_FEW = 3  # exit status: fewer are killed
@@ -27,15 +27,17 @@ def main(package: str, mutants: int, seed: int) -> int:
     """
     # By its text, as a mutant may be as long and as old as what it is made from.
     by_text = py_compile.PycInvalidationMode.CHECKED_HASH
-    compileall.compile_dir(PACKAGES, quiet=1, invalidation_mode=by_text)
-    tests = Tests(Path("tests/unit") / package, PACKAGES / package)
+    source, paths = drawn(package)
+    source = source.resolve()
+    compileall.compile_dir(source, quiet=1, invalidation_mode=by_text)
+    tests = Tests(paths, source)
     allowed = {Change(each["file"], each["was"], each["now"]) for each in survivors()}
-    wanted = (each for each in draw(PACKAGES / package, seed) if each.change not in allowed)
-    drawn = list(itertools.islice(wanted, mutants))
-    survived = [each for each in drawn if not _killed(each, tests)]
-    killed = len(drawn) - len(survived)
-    score, least = killed / len(drawn), OF_PACKAGES.get(package, WANTED)
-    print(f"{package}: {killed} of {len(drawn)} killed, {score:.0%} ({least:.0%} wanted)")
+    wanted = (each for each in draw(source, seed) if each.change not in allowed)
+    chosen = list(itertools.islice(wanted, mutants))
+    survived = [each for each in chosen if not _killed(each, tests)]
+    killed = len(chosen) - len(survived)
+    score, least = killed / len(chosen), OF_PACKAGES.get(package, WANTED)
+    print(f"{package}: {killed} of {len(chosen)} killed, {score:.0%} ({least:.0%} wanted)")
     for mutant in sorted(survived, key=lambda each: each.change):
         file, was, now = mutant.change
         print(f"  {file}:{mutant.lines.start}\n    - {was}\n    + {now}")

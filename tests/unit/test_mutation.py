@@ -4,16 +4,18 @@ import pytest
 import yaml
 
 from mutation import handlers
+from mutation.drawn import drawn
 from mutation.left_out import is_left_out
 from testbed.configuration import CHECKOUT
 
-PACKAGES = CHECKOUT / "exporter" / "ros_diagnostics_exporter"
 SURVIVORS = yaml.safe_load((CHECKOUT / "lab/mutation/survivors.yml").read_text())
 
 
 @pytest.mark.parametrize("survivor", SURVIVORS, ids=lambda survivor: survivor["now"])
 def test_a_mutant_that_does_not_count_is_of_a_line_that_is_there(survivor):
-    lines = [line.strip() for line in (PACKAGES / survivor["file"]).read_text().splitlines()]
+    source = CHECKOUT / drawn(survivor["file"].partition("/")[0]).source
+    file = source.parent / survivor["file"]
+    lines = [line.strip() for line in file.read_text().splitlines()]
 
     assert survivor["was"] in lines
     assert survivor["now"] not in lines

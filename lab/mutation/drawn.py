@@ -1,0 +1,39 @@
+"""What mistakes can be planted in, by name, and the unit tests that are to find them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+PACKAGES = ("api", "config", "decode", "faults", "fleet", "metrics", "robots", "storage", "web")
+
+
+class Drawn(NamedTuple):
+    """A folder of the checkout with code, and the files or folders of its tests."""
+
+    source: Path
+    tests: tuple[str, ...]
+
+
+# What tests rest on, and is no package of the exporter.
+OTHERS = {
+    "simulation": Drawn(
+        Path("lab/simulation"),
+        ("tests/unit/simulation", "tests/unit/faults/test_invariants.py"),
+    ),
+    "tools": Drawn(
+        Path("tools"),
+        (
+            *("tests/unit/config/test_reference.py", "tests/unit/config/test_schema.py"),
+            *("tests/unit/docs/test_readability.py", "tests/unit/docs/test_pages.py"),
+            *("tests/unit/metrics/test_metrics_reference.py", "tests/unit/test_call_traces.py"),
+            *("tests/unit/rules/test_prometheus_operator.py", "tests/unit/test_generate.py"),
+        ),
+    ),
+}
+
+
+def drawn(name: str) -> Drawn:
+    """What a name is of: a package of the exporter has its tests in the folder of that name."""
+    of_exporter = Drawn(Path("exporter/ros_diagnostics_exporter", name), (f"tests/unit/{name}",))
+    return OTHERS.get(name, of_exporter)
