@@ -49,11 +49,13 @@ def test_the_time_does_not_run_while_the_server_is_away(mission):
     assert mission.faults == {DOCK}
 
 
-def test_a_goal_that_runs_for_too_long_is_a_warning_until_it_ends(mission):
+@pytest.mark.parametrize("is_judged_anew", [True, False])
+def test_a_goal_that_runs_for_too_long_is_a_warning_until_it_ends(mission, is_judged_anew):
     mission.begin(DOCK).stand(10)  # what runs is said again at another time than after just 15m
     assert mission.begin(GOTO).stand(900).level(GOTO) == OK
     state = mission.driver.state
-    state.configure(state.fleet, mission.driver.now)  # judges it anew
+    if is_judged_anew:
+        state.configure(state.fleet, mission.driver.now)
     assert mission.stand(1).level(GOTO) == WARN
     assert mission.message(GOTO) == "a goal has been running for longer than 15m"
 
