@@ -127,7 +127,7 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             since = now if state is State.CRITICAL else component.since
             identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
             of, part = component.robot, component
-            problem = Problem(identity, since, robot=of, component=part, verdict=verdict)
+            problem = Problem(identity, since, robot=of, component=part)
             problem.by_setting = state is State.CRITICAL
             component.problems[state] = book.add_problem(problem)
         if component.since is not None:

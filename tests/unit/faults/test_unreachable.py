@@ -121,3 +121,15 @@ def test_the_silence_of_a_site_behind_an_uplink_waits_for_it_and_goes_on_when_th
         robots=("ap", *ROBOTS),
         settings=settings,
     )
+
+
+def test_an_uplink_that_fails_after_its_robots_fell_silent_is_one_fault_and_their_site_none():
+    play(
+        (0, together(*(robot_settings(each, uplink="ap", site="hall") for each in ROBOTS))),
+        (20, on_robots(ROBOTS, silent)),
+        (25, level("ping", ERROR, "ap", measured=True, uplink=True)),
+        (35, None, "began component/critical ap ping"),
+        (300, None),
+        robots=("ap", *ROBOTS),
+        settings=FaultSettings(site=CauseSettings(3, 0.5)),
+    )
