@@ -453,7 +453,7 @@ def _candidates(book: Book, explainer: Problem) -> Iterator[Problem]:
     elif component is not None:
         yield from component.all_problems()
         yield from _dependents(book, component)
-    elif robot is not None and explainer.identity.scope is not Scope.CHECK:
+    elif robot is not None:
         yield from robot.all_problems()
 
 
