@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import Clocks
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
-from simulation.features import CONFIRM, FEWEST, Charge
+from simulation.small_fleet import CONFIRM, FEWEST, Charge
 from support.fault_histories import BATTERY
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
 
@@ -33,6 +33,7 @@ COMPONENTS = ("battery", "motor", "imu")
 STALE_AFTER = 10.0
 LATE = 2.5  # seconds by which turns may be late
 LIMIT = 5.0  # seconds by which a clock may differ
+ENOUGH_CLOCKS = 3  # robots that tell the exporter's clock from one of theirs
 RIGHT = 4.0  # seconds by which a clock that was wrong may differ and is no longer
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong
 KEPT = 10  # messages of a robot that wait for a process that pauses
@@ -99,6 +100,7 @@ class Sender:
     taken: float = 0.0  # when the process took the last message
     offset: float = 0.0  # of that message
     clock_right: Clock = field(default_factory=Clock)  # by that
+    wrong_at: float = 0.0  # when its clock was last wrong, while it was received
 
     @property
     def is_raw(self) -> bool:
@@ -139,6 +141,7 @@ class Site:
         self._stood = 0.0  # seconds of its pauses that do not count, since it was started
         self.doubts = False  # its own clock is known to be wrong
         self._own_clock = Clock()  # by most robots
+        self._enough_at = 0.0  # when enough robots to tell were received
         self._began = 0.0  # the process
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
         self._start()
@@ -276,10 +279,18 @@ class Site:
         """Note which clocks may be right, by what was taken last of each robot."""
         right = self._may_be_right()
         self._own_clock.note(self.ran, is_right=all(right), may_be_right=any(right))
+        received = [each for each in self.robots.values() if self._is_received(each)]
+        if len(received) >= ENOUGH_CLOCKS:
+            self._enough_at = self.ran
         for robot in self.robots.values():
             is_right = abs(robot.offset) <= RIGHT
             if robot.taken >= self._began:  # of another process, nothing is known
                 robot.clock_right.note(self.ran, is_right=is_right, may_be_right=is_right)
+            if robot in received and not is_right:
+                robot.wrong_at = self.ran
+
+    def _is_received(self, robot: Sender) -> bool:
+        return self.ran - robot.taken <= STALE_AFTER + LATE
 
     def _may_be_right(self) -> list[bool]:
         """Whether its own clock is, by each set of robots that it may go by."""
@@ -292,7 +303,7 @@ class Site:
         """
         first = max(self.ran - STALE_AFTER - late, since)
         offsets = [each.offset for each in self.robots.values() if each.taken >= first]
-        return len(offsets) >= 3 and abs(median(offsets)) <= RIGHT
+        return len(offsets) >= ENOUGH_CLOCKS and abs(median(offsets)) <= RIGHT
 
     # -- what holds --------------------------------------------------------------------------
 
@@ -316,6 +327,7 @@ class Site:
         self.doubts = event.kind == "fault_began"
         if self.doubts:
             assert self.is_due(self._own_clock.surely, CLOCK_TIME), (self.time, event)
+            assert self._enough_at >= self.ran - LATE, (self.time, event)
         else:
             assert self._own_clock.perhaps >= self.ran - LATE, (self.time, event)
 
@@ -405,7 +417,9 @@ def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
         return "" if 2 * robot.gaps >= FEWEST else f"it was away {robot.gaps} times"
     if event.state == "clock":
         is_due = site.is_due(robot.clock_right.surely, CLOCK_TIME) and not site.doubts
-        return "" if is_due else "its clock was just right, or the exporter's is wrong"
+        if not is_due:
+            return "its clock was just right, or the exporter's is wrong"
+        return "" if robot.wrong_at >= site.ran - LATE else "it is not known to be wrong"
     return "nothing of the kind happened"
 
 

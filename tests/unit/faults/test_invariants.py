@@ -6,14 +6,16 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.faults.model import EFFECTS, EffectiveVerdict
 from simulation import network
-from simulation.features import (
+from simulation.features import play, random_history
+from simulation.small_fleet import (
     COMPONENTS,
+    FALLS,
     FLEETS,
+    HOSTS,
     LEVELS,
     NUMBERS,
     ROBOTS,
-    play,
-    random_history,
+    SETTINGS,
 )
 from simulation.story import OWN_PARTS
 from support.fault_histories import ERROR, OK, STALE, WARN
@@ -21,6 +23,8 @@ from support.fault_histories import ERROR, OK, STALE, WARN
 robots = st.sampled_from(ROBOTS)
 names = st.sampled_from(tuple(COMPONENTS))
 levels = st.sampled_from(LEVELS)
+parts = st.sampled_from(list(OWN_PARTS))
+some = st.sets(robots, min_size=1)
 events = st.one_of(
     st.tuples(st.just("array"), robots, st.dictionaries(names, levels, min_size=1)),
     st.tuples(st.just("array"), robots, st.dictionaries(names, levels, min_size=1)),
@@ -42,7 +46,16 @@ events = st.one_of(
     st.tuples(st.sampled_from(("forget", "everywhere_but")), robots, names),
     st.tuples(st.just("outage"), robots),
     st.tuples(st.just("clock"), st.sampled_from((-3600.0, -30.0, 30.0, 3600.0, 432_000.0))),
-    st.tuples(st.just("own_part"), st.sampled_from(list(OWN_PARTS)), levels),
+    st.tuples(st.just("own_part"), parts, st.one_of(levels, st.none())),
+    st.tuples(st.just("restart_without"), parts),
+    st.tuples(st.just("measure"), some, st.dictionaries(st.sampled_from(list(HOSTS)), levels)),
+    st.tuples(st.just("cut_off"), some, st.booleans()),
+    st.tuples(st.just("wait"), st.integers(100, 1000)),
+    st.tuples(st.just("move"), robots, st.sampled_from((0, 14))),
+    st.tuples(st.just("comes_and_goes"), robots, st.sampled_from(list(SETTINGS))),
+    st.tuples(st.just("thresholds"), robots, st.integers(2, 3)),
+    st.tuples(st.just("counts"), robots, st.booleans()),
+    st.tuples(st.just("falls"), robots, st.sampled_from(FALLS), st.just(9.0), st.booleans()),
 )
 histories = st.lists(st.tuples(st.integers(0, 90), events, st.booleans()), max_size=25)
 
