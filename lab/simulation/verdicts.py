@@ -449,7 +449,9 @@ class Delivered:
                 yield Identity(Scope.FLAPPING, State.FLAPPING, robot=robot, **of)
         gone = [max(self.silent_since[each], self.grace) for each in ROBOTS if each not in self.up]
         is_reached = self.truth.get((UPLINK, "ping"), Truth()).level is OK and not self.cut
-        since = max([*gone, self.cut_at])
+        # What the uplink said of them has time to return first.
+        returns = self.over_at.get(UPLINK_FAULT, -inf) + TO_RETURN
+        since = max([*gone, self.cut_at, returns])
         if len(gone) == len(ROBOTS) and is_reached and not self.planned and since < latest:
             yield Identity(Scope.SITE, State.SILENT, site="hall")
         for robot, since in self.silent_since.items():

@@ -253,9 +253,9 @@ def _judge(
     # What is STALE in a downtime of its own hides nothing of the others.
     known = in_use if actual.state is CapabilityState.UNKNOWN else actual
     if known.state not in (CapabilityState.OK, CapabilityState.UNKNOWN):
-        capability.worst = min(in_use.state, known.state)
-        if parts != capability.parts:
-            capability.parts = parts
+        worst = min(in_use.state, known.state)
+        if (worst, parts) != (capability.worst, capability.parts):
+            capability.worst, capability.parts = worst, parts
             book.write(capability)
             if robot is not None:
                 book.touch(robot.all_problems())

@@ -83,11 +83,20 @@ ERROR_BEFORE_PLANNED_STALE = [
     (10, ("flash", "r1", "board", 3, STALE), False),
     (10, ("array", "r1", {"lidar upper": ERROR, "lidar lower": OK}), False),
 ]
+# Driving is lost for the motor a while after it was degraded for its battery, and docking, which it
+# explains, was a fault of its own after the next start.
+LOST_BY_A_PART_THAT_WAS_KNOWN = [
+    (0, ("array", "r2", {"board": OK, "motor": ERROR}), False),
+    (0, ("downtime_of", "r2", {"motor"}), False),
+    (0, ("charge", "r2", 15.0), False),
+    (0, ("downtime_of", "r2", {"camera"}), False),
+]
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(histories)
 @example(UPPER_THEN_LOWER)
+@example(LOST_BY_A_PART_THAT_WAS_KNOWN)
 @example(NO_RESERVE_FOR_A_MINUTE)
 @example(ERROR_BEFORE_PLANNED_STALE)
 @example(COMMON_TO_WHAT_OTHERS_DEPEND_ON)
