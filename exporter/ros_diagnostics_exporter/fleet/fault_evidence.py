@@ -6,6 +6,7 @@ on one line, too.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
@@ -44,17 +45,20 @@ class Evidence(NamedTuple):
     fields: Fields
 
 
-def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
+def evidence(
+    identity: Identity, find: Find, robots: Iterable[str], messages: Iterable[str] = ()
+) -> Evidence:
     """The evidence of a fault, but of a capability.
 
     Args:
         identity: Which fault it is.
         find: The robot and the component that a fault is about, if they are known.
         robots: Those that a fault of no robot counts, or that are behind an uplink.
+        messages: What the components say of which a fault of many robots is.
     """
     found = find(identity)
     if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
-        fields = _first("robots", map(_text, robots))
+        fields = _most(messages) | _first("robots", map(_text, robots))
     elif found is None:
         fields = {}
     elif found[1] is not None:
@@ -170,6 +174,16 @@ def _monitored(identity: Identity, component: Component) -> Fields:
     return {}
 
 
+def _most(messages: Iterable[str]) -> Fields:
+    """What most of them say, and how many do where not all do."""
+    said = Counter(filter(None, messages))
+    if not said:
+        return {}
+    ((message, number),) = said.most_common(1)
+    share = "" if number == said.total() else f" ({number} of {said.total()})"
+    return {"most_say": _text(message) + share}
+
+
 def _compared(value: ExportedValue, threshold: Threshold, beyond: str) -> Fields:
     """A number with a threshold, and how it is beyond it."""
     limit = {"threshold": threshold.value, "beyond": beyond}
@@ -262,6 +276,7 @@ def _lines(fields: Fields, short: Mapping[str, str]) -> Iterator[str]:
     for part in fields.get("parts", ()):
         name = named(part) if "level" in part else part.get("component", "")
         yield _part_line(name, part)
+    yield fields.get("most_say", "")
     yield _list_line("robots", fields, "robots", str, is_counted=True)
     yield _list_line("robots behind it", fields, "behind", str, is_counted=True)
     yield _list_line("components", fields, "components", named, is_counted=True)

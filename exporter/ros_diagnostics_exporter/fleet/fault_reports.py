@@ -230,14 +230,17 @@ class FaultReports:
             view = self.engine.needs(None).get(identity.check)
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
-            return evidence(identity, self._find, self._troubled(identity))
+            troubled, messages = self._troubled(identity), self._messages(identity)
+            return evidence(identity, self._find, troubled, messages)
         of = self.engine.capabilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
     def _capabilities_text(self, identity: Identity) -> str:
-        """What else the robot can no longer do; nothing of one that is silent."""
-        reports = self._robots.get(identity.robot)
-        if reports is None or not reports.robot.up:
+        """What else the robot can no longer do; nothing of one that is silent, or an uplink."""
+        reports, found = self._robots.get(identity.robot), self._find(identity)
+        component = None if found is None else found[1]
+        is_uplink = component is not None and component.feed is not None and component.feed.uplink
+        if reports is None or not reports.robot.up or is_uplink:
             return ""
         capabilities = self.engine.capabilities(identity.robot)
         if identity.scope is Scope.CAPABILITY:
@@ -257,6 +260,13 @@ class FaultReports:
         for name, reports in self._robots.items():
             if name in counted or _is_part(reports.robot, identity):
                 yield name
+
+    def _messages(self, identity: Identity) -> Iterator[str]:
+        """What the components say that a fault of many robots counts."""
+        for robot, name in self.engine.members(identity):
+            component = self._robots[robot].find(name) if robot in self._robots else None
+            if component is not None and identity.scope is Scope.COMMON:
+                yield component.message
 
     # -- asked -------------------------------------------------------------------------------
 

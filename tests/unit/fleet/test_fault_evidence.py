@@ -196,6 +196,26 @@ def test_of_a_site_its_robots_but_those_that_were_never_received():
     assert fault.evidence == "6 robots: r0, r1, r2, r3, r4 and 1 more"
 
 
+@pytest.mark.parametrize(
+    ("texts", "evidence"),
+    [
+        (("no pose",) * 6, "no pose;\n6 robots: r0, r1, r2, r3, r4 and 1 more"),
+        (("", *("no pose",) * 3, "lost", "lost"), "no pose (3 of 5);\n6 robots: r0, r1, r2,"),
+    ],
+)
+def test_of_many_robots_what_most_of_them_say(texts, evidence):
+    robots = tuple(Robot(f"r{n}", topic_raw=f"/r{n}/d", source=Source.RAW) for n in range(6))
+    driver = StateDriver(fleet=Fleet("f", robots))
+    for second in range(int(SETTLED) + 30):
+        driver.at(second)
+        for robot, text in zip(robots, texts, strict=True):
+            status = MOTOR if second < SETTLED else MOTOR._replace(level=ERROR, message=text)
+            driver.receive(robot.topic_raw, status)
+    (fault,) = driver.state.faults()
+    assert fault.evidence.startswith(evidence)
+    check(details(driver)["critical", "Motor"])
+
+
 def test_of_a_clock_by_how_much_it_differs():
     driver = after(1, MOTOR, before=(MOTOR,))
     for _ in range(65):

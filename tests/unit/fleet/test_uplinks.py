@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     Fleet,
@@ -14,6 +15,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
 )
 from ros_diagnostics_exporter.model import Downtime, Status
+from ros_diagnostics_exporter.regex import Pattern
 from support.state_driver import ERROR, OK, StateDriver
 
 ALL = ("r", "r2", "r3", "r4", "r5", "r6")
@@ -120,6 +122,20 @@ def test_the_fault_of_an_uplink_names_the_robots_behind_it(driver):
     assert fault.details["behind"] == behind[:5]
     assert f"robots behind it: {', '.join(behind[:5])}" in fault.evidence
     assert "values" not in fault.evidence
+
+
+def test_the_fault_of_an_uplink_says_nothing_of_what_robots_can_do(driver):
+    """It is no robot, but may have the profile of the others."""
+    found = driver.state.fleet
+    expression = Expression(None, (ComponentsOf((Pattern("Motor"),)),))
+    drives = Profile(capabilities={"driving": Capability("driving", expression)})
+    robots = tuple(replace(each, profile=drives) for each in found.robots)
+    driver.state.configure(replace(found, robots=robots), driver.now)
+    fail(driver, "ap")
+    driver.pass_to(600)
+
+    (fault,) = driver.state.faults()
+    assert (fault.identity.robot, fault.capabilities) == ("ap", "")
 
 
 def test_what_is_still_silent_when_the_uplink_is_back_begins_after_the_others_had_time(driver):
