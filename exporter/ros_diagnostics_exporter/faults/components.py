@@ -185,6 +185,8 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
+    if component.has_fault and not component.is_intermittent:
+        flaps.changed = ()  # people know: warnings may have waited for their hours
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
     if State.FLAPPING in component.problems:

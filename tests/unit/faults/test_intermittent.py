@@ -1,6 +1,6 @@
 """Components whose faults are too short to be confirmed, and too many to be chance."""
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
 from support.fault_histories import (
     ERROR,
     OK,
@@ -122,6 +122,17 @@ def test_maintenance_is_suppressed_both_ways():
         (1022, None, f"began {INTERMITTENT}"),
         (1030, maintenance("r1", planned=True)),
         (3000, maintenance("r1", planned=False), f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_what_flapped_before_the_hours_of_warnings_is_not_intermittent_after_it():
+    hours = WarningHours(((0, 14 * 60, 15 * 60),), "UTC")  # from second 800 on
+    play(
+        *(step for number in range(9) for step in flick(700 + 6 * number)),
+        (800, None, "began flapping/flapping r1 motor"),
+        (990, None, "recovered flapping/flapping r1 motor"),
+        (1500, None),
+        settings=FaultSettings(warning_hours=hours),
     )
 
 
