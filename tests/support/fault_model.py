@@ -555,6 +555,9 @@ class Model:
         """Changes too short to be faults, and too many to be chance."""
         key, settings = key_of("flapping", "intermittent", **where), self.settings
         part.changed = [at for at in part.changed if at + settings.intermittent.within > now]
+        place = where["group"], where["component"]
+        if self._has_fault(where["robot"], place) and key not in self.faults:
+            part.changed = []  # people know
         number, most = len(part.changed), settings.intermittent.changes
         is_ok = part.fresh and part.level == OK
         well = number < most and (key not in self.faults or (2 * number < most and is_ok))
@@ -568,7 +571,6 @@ class Model:
             restless = restless or part.slots.ratio >= settings.flapping.stop
         due = since is not None and now >= since + part.settings.confirm_after
         begins = number >= most and due and not restless
-        place = where["group"], where["component"]
         begins = begins and not self._has_fault(where["robot"], place)
         update(key, since, begins, well=well)
 

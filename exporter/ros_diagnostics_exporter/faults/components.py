@@ -170,9 +170,10 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    is_known = component.has_fault or suppression.is_reported(book, component, now)
-    if is_known and not component.is_intermittent:
-        component.flaps.changed = ()  # people know of what explains them
+    larger = robot.many.problems or book.causes or robot.settings.uplink
+    may_be_said = larger or robot.capabilities or robot.has_dependencies
+    if component.has_fault or (may_be_said and suppression.is_reported(book, component, now)):
+        component.forget_changes()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
 
 
@@ -185,8 +186,8 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
-    if component.has_fault and not component.is_intermittent:
-        flaps.changed = ()  # people know: warnings may have waited for their hours
+    if component.has_fault:
+        component.forget_changes()  # people know: warnings may have waited for their hours
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
     if State.FLAPPING in component.problems:

@@ -199,13 +199,10 @@ def is_explained(
 
 
 def is_reported(book: Book, component: ComponentRecord, now: Instant) -> bool:
-    """Whether what explains its trouble is a fault, or was until just now: people know of it."""
-    problems = component.problems.values()
-    if any(now.mono < max(each.explained_until, component.explained_until) for each in problems):
-        return True
+    """Whether what explains its trouble is a fault, so that people know of it."""
     return any(
         edge.problem.fault is not None and _holds(book, edge, each, now)
-        for each in problems
+        for each in component.problems.values()
         for edge in edges(book, each, now)
     )
 
@@ -473,7 +470,8 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
 
     Where that was never a fault, not beyond the time at which it had to be one. What is a part of
     a capability gets it by itself: else the capability would wait for its own parts. What flapped
-    has been at rest for long by then, and a component does not wait for itself.
+    has been at rest for long by then, and a component does not wait for itself. What changed
+    meanwhile is not counted: people knew of it by the fault.
     """
     if explainer.identity.state is State.FLAPPING:
         return
@@ -482,6 +480,8 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
     for problem in explained:
         if component is not None and problem.component is component:
             continue
+        if explainer.fault is not None and problem.component is not None:
+            problem.component.forget_changes()
         bound = until
         if explainer.fault is None and problem.waits_since is not None:
             bound = min(until, latest(book, problem, now))
