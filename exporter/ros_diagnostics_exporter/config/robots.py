@@ -63,9 +63,9 @@ SourceOfOne = Annotated[
 
 _SOURCE = (
     "Where the components are read from. `agg`: the aggregator's tree. `raw`: the topic of the "
-    "drivers. `both`: the tree, with changes from raw. `auto`: the tree, if one comes within 5 s "
-    "of the first raw message, and raw otherwise. If a tree comes later, `auto` reads both for a "
-    "minute, and then the tree."
+    "drivers. `both`: the tree, with changes from raw, and the tree alone while no raw message "
+    "comes. `auto`: the tree, if one comes within 5 s of the first raw message, and raw otherwise. "
+    "If a tree comes later, `auto` reads both for a minute, and then the tree."
 )
 # Keys of several entries, each described once.
 _profile = partial(described, default_factory=Profile, written=DEFAULT)
