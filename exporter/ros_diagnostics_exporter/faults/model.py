@@ -323,7 +323,7 @@ class ProblemView(NamedTuple):
 
     ``since`` is Unix time, ``due`` when it may begin at the earliest; ``suppressed`` says why it
     does not begin then, or why a fault that is ``healthy`` again goes on: ``by`` another problem,
-    or ``because`` of a condition.
+    or ``because`` of a condition. Of a part of the exporter that says what is wrong.
     """
 
     identity: Identity

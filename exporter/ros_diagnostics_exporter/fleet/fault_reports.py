@@ -287,8 +287,14 @@ class FaultReports:
             if view.fault is not None:  # it goes on under its condition, and is shown as it is
                 by_condition.pop(view.identity, None)
             if view.identity not in by_condition:
-                found.append(view)
+                found.append(self._with_text(view))
         return [*found, *by_condition.values()]
+
+    def _with_text(self, view: ProblemView) -> ProblemView:
+        """It, and of a part of the exporter that has no evidence yet what is wrong."""
+        if view.identity.scope is not Scope.EXPORTER or view.fault is not None:
+            return view
+        return view._replace(because=self._own.get(view.identity.component, ""))
 
     def mode(self, robot: RobotState) -> tuple[bool | None, bool | None]:
         """Whether a robot works by itself, and what is an intervention holds; None: not known."""

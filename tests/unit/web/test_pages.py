@@ -384,7 +384,7 @@ def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
     def shown(answer) -> str:
         return read(
             answer.text.partition(
-                "Faults of many robots"
+                "Faults of the whole fleet"
                 if "of many robots" in answer.text
                 else "Robots with problems"
             )[2]
@@ -604,10 +604,20 @@ def test_what_is_flapping_is_so_in_all_of_its_levels_and_maintenance_is_marked()
     assert "Motor 1: maintenance until 22:13 UTC (ann: new gears; ann: new gears)" in text
 
 
+def test_what_is_wrong_with_a_part_of_the_exporter_is_said_before_it_is_confirmed():
+    why = "it does not answer: acknowledgements and downtimes are not followed"
+    own = problem("exporter", "warning", component="Alertmanager", because=why)
+    text = text_of(robot("a"), problems=[own])
+    assert "exporter: Alertmanager not confirmed yet, 5 s left" in text
+    assert why in text
+
+
 def test_what_many_robots_have_in_common_comes_first():
     site = problem("site", "silent", site="hall", confirmed=1_010.0, evidence="robots: a, b")
     text = text_of(robot("a", problems=[MUTE], **SILENT), problems=[site])
-    assert "Faults of many robots: 1SILENT many robots of site hall are silent confirmed" in text
+    assert (
+        "Faults of the whole fleet: 1SILENT many robots of site hall are silent confirmed" in text
+    )
     assert text.index("of site hall") < text.index("Robots with problems")
 
 
