@@ -369,7 +369,8 @@ class Site:
                 flaps = ("flapping", name, component) in found
                 if level == ERROR:
                     yield ("flapping" if flaps else "critical"), name, component
-            below = robot.charge.below if robot.charge.known else ()
+            is_judged = robot.charge.known and "battery" not in robot.mute
+            below = robot.charge.below if is_judged else ()
             if "critical" in below:
                 yield "critical", name, "battery"
 
@@ -414,7 +415,9 @@ def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
         away = max(site.time - robot.arrived, robot.away)
         return "" if away >= least else "it was just received"
     if event.state == "flapping":
-        return "" if 2 * robot.gaps >= FEWEST else f"it was away {robot.gaps} times"
+        is_away = site.time - robot.arrived > STALE_AFTER
+        enough = 2 * robot.gaps + is_away >= FEWEST
+        return "" if enough else f"it was away {robot.gaps} times"
     if event.state == "clock":
         is_due = site.is_due(robot.clock_right.surely, CLOCK_TIME) and not site.doubts
         if not is_due:
