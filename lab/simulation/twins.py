@@ -49,7 +49,9 @@ class Twins:
     ids: dict[str, str] = field(default_factory=dict)
 
     def say(self, node: Node, level: int) -> None:
-        """A node says something."""
+        """A node says something, after what was due before it."""
+        self.driver.at(self.driver.now.mono)
+        self.check()
         node.level = level
         hardware_id = node.name if self.has_ids else ""
         status = Status(level, NAME, str(level), hardware_id)

@@ -137,6 +137,8 @@ class Delivered:
         assert is_due, f"began before it was due: {identity}"
 
     def _flapping_began(self, identity: Identity, at: float) -> None:
+        if self.clock_set_at > -inf:
+            return  # the hours of warnings are of the clock that was set
         known = self.truth[identity.robot, identity.component]
         changes, fewest, within = known.changes, FEWEST, FLAP_TIME + FLAP_INTERVAL
         if identity.state is State.INTERMITTENT:
@@ -320,8 +322,11 @@ class Delivered:
             charge = self.charges[identity.robot]
             assert identity.robot in self.up, f"recovered while its robot is silent: {identity}"
             assert charge.known, f"recovered with what is no number: {identity}"
-            severity = "critical" if identity.state is State.FALLING else identity.state.value
-            assert severity not in charge.below, f"recovered below its threshold: {identity}"
+            if identity.state is State.FALLING:  # a threshold that is left, for good or not yet
+                is_well = charge.number is not None and charge.number >= CRITICALLY_LOW
+            else:
+                is_well = identity.state.value not in charge.below
+            assert is_well, f"recovered below its threshold: {identity}"
         if identity.scope is Scope.FLAPPING:
             self._came_to_rest(identity, at)
         if identity.scope is Scope.COMMON:
