@@ -223,8 +223,10 @@ class Judge:
 
     def _is_removed(self, event: Event) -> bool:
         """Whether its robot, its component or a part of it was taken out in this tick."""
-        removed = {part for robot, part in self.world.removed if robot == event.robot}
-        return bool(removed if event.scope == "capability" else removed & {"", event.component})
+        is_of_many = event.scope in ("site", "common")
+        removed = {part for robot, part in self.world.removed if is_of_many or robot == event.robot}
+        is_of_parts = event.scope == "capability" or event.state == "many"
+        return bool(removed if is_of_parts else removed & {"", event.component})
 
     def _part_recovered(self, event: Event) -> None:
         known, part = self._known(event)
