@@ -12,8 +12,8 @@ MORE = sys.version_info < (3, 11)  # with Python 3.10 a restart has one call mor
 LIMITS = {
     "unchanged": (20, 8),
     # One rule asks of every edge what six mechanisms asked of their own. When something is next due
-    # is asked once, so that no message has to.
-    "breaking": (140, 20),
+    # is asked once, so that no message has to. The model says what is critical.
+    "breaking": (140, 21),
     # Why a component is suppressed depends on others: asked at each scrape. What the network shows
     # of a robot is in a file of its own, and how urgent it is by levels and faults, which no rule
     # computes.
