@@ -4,6 +4,7 @@ from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, 
 from support.fault_histories import (
     ERROR,
     OK,
+    WARN,
     back,
     level,
     levels,
@@ -122,6 +123,18 @@ def test_maintenance_is_suppressed_both_ways():
         (1022, None, f"began {INTERMITTENT}"),
         (1030, maintenance("r1", planned=True)),
         (3000, maintenance("r1", planned=False), f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_the_fourth_change_is_a_fault_that_says_the_others_also_where_they_were_long_before():
+    play(
+        (0, level("motor", ERROR)),
+        (2, level("motor", WARN)),
+        (4, level("motor", OK)),
+        (500, level("motor", ERROR)),
+        (510, None, f"began {CRITICAL}"),
+        (520, level("motor", OK), f"recovered {CRITICAL}"),
+        (2000, None),
     )
 
 
