@@ -124,7 +124,9 @@ def _is_planned_silence(book: Book, problem: Problem) -> bool:
     Who plans that plans the silence of all robots that are reached through it.
     """
     robot, seen = problem.robot, set[RobotRecord]()
-    while robot is not None and robot not in seen and _rests_on_reception(problem):
+    if not _rests_on_reception(problem):
+        return False
+    while robot is not None and robot not in seen:
         seen.add(robot)
         failing = [edge.problem for edge in _uplinks(book, robot) if edge.problem.lasts]
         if any(each.in_downtime for each in failing):

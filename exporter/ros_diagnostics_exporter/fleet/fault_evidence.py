@@ -63,7 +63,7 @@ def evidence(
         fields = {}
     elif found[1] is not None:
         fields = _of_component(identity, found[1], found[0])
-        if found[1].feed is not None and found[1].feed.uplink:
+        if found[1].is_uplink:
             fields |= _first("behind", map(_text, robots))
     else:
         fields = _of_robot(identity, found[0])

@@ -239,7 +239,7 @@ class FaultReports:
         """What else the robot can no longer do; nothing of one that is silent, or an uplink."""
         reports, found = self._robots.get(identity.robot), self._find(identity)
         component = None if found is None else found[1]
-        is_uplink = component is not None and component.feed is not None and component.feed.uplink
+        is_uplink = component is not None and component.is_uplink
         if reports is None or not reports.robot.up or is_uplink:
             return ""
         capabilities = self.engine.capabilities(identity.robot)
@@ -263,9 +263,9 @@ class FaultReports:
 
     def _messages(self, identity: Identity) -> Iterator[str]:
         """What the components say that a fault of many robots counts."""
-        for robot, name in self.engine.members(identity):
+        for robot, name in self.engine.members(identity) if identity.scope is Scope.COMMON else ():
             component = self._robots[robot].find(name) if robot in self._robots else None
-            if component is not None and identity.scope is Scope.COMMON:
+            if component is not None:
                 yield component.message
 
     # -- asked -------------------------------------------------------------------------------

@@ -383,7 +383,7 @@ class RobotReports:
             planned,
             profile.stale_is_critical and not planned,
             measured=component.feed is not None and not component.feed.sent,
-            uplink=component.feed is not None and component.feed.uplink,
+            uplink=component.is_uplink,
             depends_on=depends_on,
         )
 

@@ -131,6 +131,11 @@ class Component:
         return self.rule is not None and self.rule.reports == "on_change" and self.feed is None
 
     @property
+    def is_uplink(self) -> bool:
+        """Whether it measures what other robots are reached through."""
+        return self.feed is not None and self.feed.uplink
+
+    @property
     def has_numbers(self) -> bool:
         """Whether the numbers in its key-values are series."""
         return self.feed is None or self.feed.numbers or self.values.judges

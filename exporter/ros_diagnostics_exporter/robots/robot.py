@@ -419,9 +419,7 @@ class RobotState:
     def fails_as_uplink(self) -> bool:
         """Whether the robots that are reached through it are not: what is STALE is as it was."""
         return any(
-            each.feed is not None
-            and each.feed.uplink
-            and Level.ERROR in (each.level, each.before_stale)
+            each.is_uplink and Level.ERROR in (each.level, each.before_stale)
             for each in self.components
         )
 

@@ -169,10 +169,10 @@ class RawUpdates:
         of_each: dict[Identity, dict[str, Said]] = {}
         for publisher, each in said.items():
             of_each.setdefault(self._identity(each.status), {})[publisher] = each
-        for identity, said in of_each.items():
+        for identity, of_one in of_each.items():
             component = components.get_or_add(identity, _node_of(name), now)
             if component is not None:
-                component.said = said
+                component.said = of_one
                 components.update(component, worst(component, components, self._writers, now), now)
 
     def _worst_said(
