@@ -330,7 +330,7 @@ def standing(
     suppressed = SUPPRESSED.get(reason, reason)
     if reason == "maintenance":
         suppressed = maintenance_text(owner, now, component=problem["component"], local=local)
-    if problem.get("because") and problem["scope"] != "exporter":
+    if problem.get("because"):
         suppressed = f"{suppressed}, {problem['because']}"
     if problem["confirmed"] is not None:
         return f"recovered; it stays open: {suppressed}" if suppressed else "confirmed"
@@ -390,8 +390,7 @@ def _message(
             if problem["suppressed"] != "restart"
             else "not received since the exporter started"
         )
-    of_exporter = str(problem["because"]) if scope == "exporter" else ""
-    return str(problem["evidence"]) or of_exporter
+    return str(problem["evidence"])
 
 
 def _changing_text(state: str, component: dict[str, Any]) -> str:

@@ -190,7 +190,7 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
         "suppressed_by": None if view.by is None else as_texts(view.by, {}),
         "because": view.because,
         "healthy": view.healthy,
-        "evidence": "" if fault is None else fault.evidence,
+        "evidence": view.text if fault is None else fault.evidence,
         "details": {} if fault is None else dict(fault.details),
         "capabilities_text": "" if fault is None else fault.capabilities,
         **(

@@ -323,7 +323,8 @@ class ProblemView(NamedTuple):
 
     ``since`` is Unix time, ``due`` when it may begin at the earliest; ``suppressed`` says why it
     does not begin then, or why a fault that is ``healthy`` again goes on: ``by`` another problem,
-    or ``because`` of a condition. Of a part of the exporter that says what is wrong.
+    or ``because`` of a condition. ``text`` is what is wrong with a part of the exporter,
+    of a soft problem.
     """
 
     identity: Identity
@@ -334,6 +335,7 @@ class ProblemView(NamedTuple):
     healthy: bool
     because: str = ""
     by: Identity | None = None
+    text: str = ""
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned

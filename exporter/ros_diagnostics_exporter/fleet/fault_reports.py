@@ -294,7 +294,7 @@ class FaultReports:
         """It, and of a part of the exporter that has no evidence yet what is wrong."""
         if view.identity.scope is not Scope.EXPORTER or view.fault is not None:
             return view
-        return view._replace(because=self._own.get(view.identity.component, ""))
+        return view._replace(text=self._own.get(view.identity.component, ""))
 
     def mode(self, robot: RobotState) -> tuple[bool | None, bool | None]:
         """Whether a robot works by itself, and what is an intervention holds; None: not known."""

@@ -205,7 +205,7 @@ def test_a_part_that_is_wrong_is_a_fault_with_its_message_as_evidence_until_it_i
     parts.storage.successful = False
     assert judge(1000) == []
     assert judge(1059) == []
-    why = {each.identity.component: each.because for each in parts.state.problems(at(1059))}
+    why = {each.identity.component: each.text for each in parts.state.problems(at(1059))}
     assert "it cannot be written" in why["database"]
     ((part, evidence),) = judge(1060)
     assert part == "database"

@@ -606,7 +606,7 @@ def test_what_is_flapping_is_so_in_all_of_its_levels_and_maintenance_is_marked()
 
 def test_what_is_wrong_with_a_part_of_the_exporter_is_said_before_it_is_confirmed():
     why = "it does not answer: acknowledgements and downtimes are not followed"
-    own = problem("exporter", "warning", component="Alertmanager", because=why)
+    own = problem("exporter", "warning", component="Alertmanager", evidence=why)
     text = text_of(robot("a"), problems=[own])
     assert "exporter: Alertmanager not confirmed yet, 5 s left" in text
     assert why in text
