@@ -76,9 +76,13 @@ class Listener:
     def find_outdated(self) -> list[Domain]:
         """The DDS domains that were joined with other addresses than this machine has now.
 
-        None until the addresses are the same at two calls: they may come one by one.
+        None until the addresses are the same at two calls: they may come one by one. None either
+        while no file may be opened, as where somebody holds many connections: nobody knows them.
         """
-        before, self._addresses = self._addresses, local_addresses()
+        try:
+            before, self._addresses = self._addresses, local_addresses()
+        except OSError:
+            return []
         return [
             each
             for each, domain in self._domains.items()

@@ -21,7 +21,7 @@ ROBOTS = 20
 EVERYBODY = {f"r{number}" for number in range(ROBOTS)}
 STALE_AFTER = 5.0
 # 200 kB, 2.7 MB and 0.1 kB: each but the last costs more than a core at the rate it is sent.
-LARGE = ["--rate", "60", "--statuses", "500", "--values", "16", "--text", "1"]
+LARGE = ["--rate", "150", "--statuses", "500", "--values", "16", "--text", "1"]
 HUGE = ["--rate", "20", "--statuses", "2000", "--values", "28", "--text", "24"]
 SMALL = ["--rate", "20000", "--statuses", "1", "--values", "2"]
 SECONDS = 9

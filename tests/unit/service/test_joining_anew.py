@@ -1,5 +1,6 @@
 """Which domains are joined anew: other addresses, all robots silent, or deaf to one of them."""
 
+import errno
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -226,3 +227,15 @@ def test_a_domain_is_outdated_once_the_addresses_have_settled(monkeypatch):
     assert listener.find_outdated() == [7]
     made.joined = False
     assert listener.find_outdated() == []
+
+
+def test_no_domain_is_outdated_while_no_file_may_be_opened(monkeypatch):
+    listener = Listener(driver_of().state)
+    made: Any = SimpleNamespace(addresses=frozenset({"10.0.0.2"}), joined=True)
+    listener._domains = {7: made}
+
+    def too_many():
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.listener.local_addresses", too_many)
+    assert (listener.find_outdated(), listener.find_outdated()) == ([], [])
