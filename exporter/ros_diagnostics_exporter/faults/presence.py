@@ -8,6 +8,7 @@ from ros_diagnostics_exporter.faults import causes, components, suppression
 from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.model import Identity, Reason, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import (
+    DOWN,
     SLOTS,
     FlapHistory,
     Presence,
@@ -16,7 +17,7 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant
 
-_UP, _DOWN = 1, 0  # states of a robot's history
+_UP = 1  # a state of a robot's history, as DOWN
 
 
 def fall_silent(
@@ -66,6 +67,7 @@ def come_back(book: Book, robot: RobotRecord, now: Instant, *, may_boot: bool) -
         robot.is_restarted = not may_boot
     _note_return(book, robot, now)
     robot.presence = Presence.UP
+    _judge_flapping(book, robot, now)
     robot.returned_until = now.mono + robot.settings.confirm_after
     if not robot.is_restarted:
         robot.booted_until = now.mono + robot.settings.boot_grace
@@ -152,7 +154,9 @@ def decay(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Let a robot that came and went come to rest."""
     if robot.history is not None:
         robot.history.decay(now.mono, robot.settings.presence_interval)
-        _judge_flapping(book, robot, robot.history, now)
+        _judge_flapping(book, robot, now)
+        if robot.flapping and robot.stays_away(book.settings.flapping):
+            touch_all(book, robot)
         book.write(robot)
 
 
@@ -177,8 +181,8 @@ def _note_absence(book: Book, robot: RobotRecord, now: Instant) -> None:
     history = robot.history or FlapHistory([_UP] * SLOTS, now.mono)
     robot.history_before = FlapHistory(history.slots, history.last)
     robot.history = history
-    history.change(_DOWN, now.mono, robot.settings.presence_interval)
-    _judge_flapping(book, robot, history, now)
+    history.change(DOWN, now.mono, robot.settings.presence_interval)
+    _judge_flapping(book, robot, now)
 
 
 def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
@@ -190,25 +194,26 @@ def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
     silence = robot.problems.get(State.SILENT)
     if before is None or silence is None or robot.history is None:
         return
-    edge = suppression.explanation(book, silence, now)
-    is_larger = edge is not None and edge.reason is not Reason.ROBOT_FLAPPING
+    is_larger = suppression.is_explained(book, [silence], (Reason.UNREACHABLE, Reason.SITE), now)
     if is_larger or robot.explained_until > now.mono:
         robot.history = before
         before.decay(now.mono, robot.settings.presence_interval)
     elif not robot.maintenance:
         robot.history.change(_UP, now.mono, robot.settings.presence_interval)
-    _judge_flapping(book, robot, robot.history, now)
 
 
-def _judge_flapping(book: Book, robot: RobotRecord, history: FlapHistory, now: Instant) -> None:
-    settings = book.settings
-    was_flapping = robot.flapping
+def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
+    settings, history, was_flapping = book.settings, robot.history, robot.flapping
+    if history is None:
+        return
     verdict = components.of_flapping(
         history.ratio,
         settings.flapping.start,
         settings.flapping.stop,
         in_trouble=was_flapping,
     )
+    if verdict is Verdict.HEALTHY and not robot.up:
+        verdict = Verdict.NO_DATA  # it may be broken: that it is away does not end what it had
     problem = robot.problems.get(State.FLAPPING)
     if problem is None and verdict is Verdict.FAILING:
         problem = _add(book, robot, State.FLAPPING, now, now)

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum
 from itertools import compress
-from math import inf
+from math import ceil, inf
 from operator import ne
 
-from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.config.fleet import Flapping, Threshold
 from ros_diagnostics_exporter.faults.model import (
     EFFECTS,
     CapabilityState,
@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.faults.needs import Bad, WantedCapability
 from ros_diagnostics_exporter.model import Instant, Level
 
 SLOTS = 21
+DOWN = 0  # in the history of a robot that comes and goes: nothing is received of it
 _LOW_CURVE = 0.75
 _HIGH_CURVE = 1.25
 # Of each possible change, the oldest first.
@@ -362,6 +363,15 @@ class RobotRecord(Subject):
         """Whether it comes and goes."""
         problem = self.problems.get(State.FLAPPING)
         return problem is not None and problem.lasts
+
+    def stays_away(self, flapping: Flapping) -> bool:
+        """Whether it is away for longer than one that flaps: than 1 / ``stop`` intervals.
+
+        One that changes no more often than that has a smaller ratio than ``stop``.
+        """
+        if self.history is None:
+            return False
+        return self.history.slots.endswith(bytes([DOWN]) * min(ceil(1 / flapping.stop) + 1, SLOTS))
 
     def all_problems(self) -> Iterator[Problem]:
         """Everything that is wrong with the robot and its parts."""

@@ -279,8 +279,10 @@ def edges(book: Book, problem: Problem, now: Instant) -> Iterator[Edge]:
     if _is_presence(problem.identity) and problem.identity.state is not State.PENDING:
         yield from _site(book, robot)
     flaps = robot.problems.get(State.FLAPPING)
-    # What is freshly received of a robot that comes and goes is as true as of any other.
-    if problem.verdict is Verdict.ABSENT and flaps is not None and flaps is not problem:
+    # What is freshly received of a robot that comes and goes is as true as of any other, and one
+    # that stays away does not come and go.
+    may_be_back = problem.verdict is Verdict.ABSENT and not robot.stays_away(book.settings.flapping)
+    if flaps is not None and flaps is not problem and may_be_back:
         yield Edge(Reason.ROBOT_FLAPPING, flaps, is_specific=True)
     if component is not None:
         yield from _depended_on(problem, component)

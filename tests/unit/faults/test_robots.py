@@ -1,6 +1,8 @@
 """Faults of robots: silent, pending, coming and going; and restarts of the exporter."""
 
-from ros_diagnostics_exporter.config.fleet import FaultSettings
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import FaultSettings, Flapping
 from support.fault_histories import (
     ERROR,
     OK,
@@ -78,13 +80,29 @@ def test_a_robot_that_comes_and_goes_is_flapping_once():
     )
 
 
-def test_a_robot_that_stays_away_after_a_restart_is_no_longer_flapping_and_silent():
+@pytest.mark.parametrize("events", [[None], [restart()]], ids=["", "and the exporter restarts"])
+def test_a_flapping_robot_that_stays_away_is_silent_and_goes_on_to_flap_until_it_is_back(events):
     play(
         *_OUTAGES,
         (240, silent()),
         (250, None, "began robot/flapping r1"),
-        (255, restart()),
-        (1500, None, "recovered robot/flapping r1", f"began {SILENT}"),
+        *((255, event) for event in events),
+        (539, None),
+        (540, None, f"began {SILENT}"),  # five intervals of a minute: 1 / stop
+        (2000, None),
+        (2001, back(), "recovered robot/flapping r1", f"recovered {SILENT}"),
+    )
+
+
+def test_a_flapping_robot_that_stays_away_is_silent_at_the_latest_when_no_change_is_left():
+    settings = FaultSettings(flapping=Flapping(0.4, 0.01))
+    play(
+        *_OUTAGES,
+        (240, silent()),
+        (250, None, "began robot/flapping r1"),
+        (1439, None),
+        (1440, None, f"began {SILENT}"),
+        settings=settings,
     )
 
 
