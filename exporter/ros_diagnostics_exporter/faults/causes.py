@@ -6,7 +6,7 @@ its own from then on, which explains what it counts: see `suppression`.
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, inf
 
 from ros_diagnostics_exporter.faults import suppression
 from ros_diagnostics_exporter.faults.book import Book
@@ -153,7 +153,7 @@ def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
     """Pass the verdict on to the cause's problems, made where there are none yet."""
     if cause.scope is Scope.SITE and verdict is Verdict.FAILING:
         verdict = Verdict.ABSENT
-    for severity, applies in _severities(cause, now).items():
+    for severity, (applies, since) in _severities(cause, now).items():
         problem = cause.problems.get(severity)
         if problem is None and applies is Verdict.FAILING and cause.active is not None:
             problem = Problem(
@@ -164,28 +164,33 @@ def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
             continue
         is_healthy = cause.active is None or applies is Verdict.HEALTHY
         new = Verdict.HEALTHY if is_healthy else min(applies, verdict)
-        if cause.active is not None:
-            problem.clock = cause.active.mono
+        if cause.active is not None and new > Verdict.NO_DATA:
+            problem.clock = max(cause.active.mono, since)
         book.give_verdict(problem, new)
 
 
-def _severities(cause: Cause, now: Instant) -> dict[str, Verdict]:
-    """Which problems a cause is, and whether each of them applies.
+def _severities(cause: Cause, now: Instant) -> dict[str, tuple[Verdict, float]]:
+    """Which problems a cause is, whether each of them applies, and since when (monotonic) at least.
 
     Many components are as severe as the worst of them; the milder goes on under the worse.
     """
     if cause.robot is None:
-        return {"": Verdict.FAILING}
+        return {"": (Verdict.FAILING, -inf)}
     if cause.adopted:
-        return dict.fromkeys(cause.problems, Verdict.NO_DATA)
-    critical = Verdict.HEALTHY
+        return dict.fromkeys(cause.problems, (Verdict.NO_DATA, -inf))
+    critical, since = Verdict.HEALTHY, inf
     for component in cause.robot.components.values():
         problem = component.problems.get(State.CRITICAL)
         if problem is not None and problem.lasts:
-            if problem.effect.counts and not component.has_time(now):
-                return {"critical": Verdict.FAILING, "warning": Verdict.NO_DATA}
-            critical = Verdict.NO_DATA
-    return {"critical": critical, "warning": Verdict.FAILING}
+            counts = problem.effect.counts and not component.has_time(now)
+            critical = max(critical, Verdict.FAILING if counts else Verdict.NO_DATA)
+            since = min(since, problem.clock) if counts else since
+        elif component.flapping:  # that it is OK at the moment ends nothing
+            critical = max(critical, Verdict.NO_DATA)
+    worse = cause.problems.get("critical")
+    is_worse = worse is not None and worse.fault is not None and critical is not Verdict.HEALTHY
+    mild = Verdict.NO_DATA if is_worse or critical is Verdict.FAILING else Verdict.FAILING
+    return {"critical": (critical, since), "warning": (mild, -inf)}
 
 
 def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, int]:
@@ -193,11 +198,11 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     robot = cause.robot
     if robot is None:
         return len(cause.counted), len(cause.fresh)
-    lasting = [each for each in robot.components.values() if each.since is not None]
+    lasting = [each for each in robot.components.values() if each.since or each.flapping]
     unplanned = _unplanned(robot, lasting, now)
     # What is planned begins no fault, and ends none.
     left = len(lasting if cause.is_fault else unplanned)
-    fresh = [each for each in unplanned if each.level is not _OK]
+    fresh = [each for each in unplanned if each.level is not _OK or each.flapping]
     nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
     if nothing_known or 2 * len(fresh) < needed:
         return left, 0

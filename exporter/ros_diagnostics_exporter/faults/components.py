@@ -257,6 +257,7 @@ def _judge_flapping(
         problem = _add_flapping(book, component, State.FLAPPING, now)
     if problem is not None:
         book.give_verdict(problem, verdict)
+        book.touched_causes[component.robot.many] = None
     wake(book, component)
 
 

@@ -465,6 +465,10 @@ class Faults:
             for name, each in self._robot(robot).components.items()
         }
 
+    def flapping(self, robot: str) -> set[ComponentName]:
+        """Which components of a robot change too often."""
+        return {name for name, each in self._robot(robot).components.items() if each.flapping}
+
     def take_followed(self) -> list[str]:
         """The robots of which `followed` changed since they were last taken."""
         names, self._book.followed = self._book.followed, {}

@@ -7,7 +7,7 @@ on one line, too.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
@@ -46,7 +46,11 @@ class Evidence(NamedTuple):
 
 
 def evidence(
-    identity: Identity, find: Find, robots: Iterable[str], messages: Iterable[str] = ()
+    identity: Identity,
+    find: Find,
+    robots: Iterable[str],
+    messages: Iterable[str] = (),
+    flapping: Container[ComponentName] = (),
 ) -> Evidence:
     """The evidence of a fault, but of a capability.
 
@@ -55,6 +59,7 @@ def evidence(
         find: The robot and the component that a fault is about, if they are known.
         robots: Those that a fault of no robot counts, or that are behind an uplink.
         messages: What the components say of which a fault of many robots is.
+        flapping: The components of the robot that change too often.
     """
     found = find(identity)
     if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
@@ -66,7 +71,7 @@ def evidence(
         if found[1].is_uplink:
             fields |= _first("behind", map(_text, robots))
     else:
-        fields = _of_robot(identity, found[0])
+        fields = _of_robot(identity, found[0], flapping)
     if found is not None and found[0].last_wall:  # else it contradicts that nothing was received
         fields |= _first("logged", map(_text, found[0].network.logs))
     return _written(fields, {} if found is None else _short_names(found[0].components))
@@ -151,7 +156,7 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
         fields |= _monitored(identity, component)
     elif component.last is not None and component.feed is None:  # a query's message has it
         fields |= _first("values", _values(component))
-    others = (each for each in _troubled(robot) if each is not component)
+    others = (each for each in robot.components if each is not component and _is_troubled(each))
     return fields | _first("also_faulty", map(_with_level, others))
 
 
@@ -204,14 +209,17 @@ def _number(value: ExportedValue) -> Fields:
     return {"number": value.number if finite else None, "unit": _text(value.unit)}
 
 
-def _of_robot(identity: Identity, robot: RobotState) -> Fields:
+def _of_robot(identity: Identity, robot: RobotState, flapping: Container[ComponentName]) -> Fields:
     if identity.scope is Scope.CHECK:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
         found = {name: sum(counts) for name, counts in robot.components.count_checks()}
         if identity.check in found:
             return {"found": found[identity.check], "expected": expected[identity.check]}
     elif identity.state is State.MANY:
-        return _first("components", map(_with_level, _troubled(robot)))
+        names = {each: ComponentName(each.group, each.label) for each in robot.components}
+        restless = {each for each, name in names.items() if name in flapping}
+        troubled = [each for each in robot.components if each in restless or _is_troubled(each)]
+        return _first("components", (_with_level(each, each in restless) for each in troubled))
     elif identity.state is State.CLOCK and robot.clock_behind is not None:
         return {"clock_offset": robot.clock_behind}
     elif robot.silent_reason is not None:
@@ -219,17 +227,16 @@ def _of_robot(identity: Identity, robot: RobotState) -> Fields:
     return {}
 
 
-def _troubled(robot: RobotState) -> Iterator[Component]:
-    return (
-        each for each in robot.components if each.level > Level.OK and not each.suppressed_because
-    )
+def _is_troubled(component: Component) -> bool:
+    return component.level > Level.OK and not component.suppressed_because
 
 
-def _with_level(component: Component) -> Fields:
+def _with_level(component: Component, flaps: bool = False) -> Fields:
     return {
         "group": _text(component.group),
         "component": _text(component.label),
         "level": Level(component.level).name,
+        **({"flaps": True} if flaps else {}),
     }
 
 
@@ -254,8 +261,9 @@ def _written(fields: Fields, short: Mapping[str, str]) -> Evidence:
 
 def _lines(fields: Fields, short: Mapping[str, str]) -> Iterator[str]:
     def named(component: Fields) -> str:
-        name = component["component"]
-        return f"{short.get(name, name)} {_WORDS.get(component['level'], component['level'])}"
+        name, level = component["component"], component["level"]
+        word = "FLAPPING" if "flaps" in component else _WORDS.get(level, level)
+        return f"{short.get(name, name)} {word}"
 
     if "value" in fields:
         yield _value_line(fields["value"])

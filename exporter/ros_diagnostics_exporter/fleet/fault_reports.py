@@ -231,7 +231,8 @@ class FaultReports:
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             troubled, messages = self._troubled(identity), self._messages(identity)
-            return evidence(identity, self._find, troubled, messages)
+            flapping = self.engine.flapping(identity.robot) if reports is not None else ()
+            return evidence(identity, self._find, troubled, messages, flapping)
         of = self.engine.capabilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 

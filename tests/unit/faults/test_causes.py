@@ -45,6 +45,47 @@ def test_many_components_of_a_robot_are_one_and_those_left_over_are_reported_aft
     )
 
 
+def restless(*, times: int, seconds: int = 4):
+    """All parts are ERROR and OK in turn, from 100 s on."""
+    steps = [(100 + seconds * step, (ERROR, OK)[step % 2]) for step in range(2 * times)]
+    return [(second, levels(PARTS, to, total=10)) for second, to in steps]
+
+
+def test_many_components_that_flap_together_are_one_fault():
+    play(
+        *restless(times=4),
+        (132, levels(PARTS, ERROR, total=10)),
+        (136, levels(PARTS, OK, total=10), f"began {MILD}"),
+        (145, level("other", ERROR, total=10)),
+        (154, None),
+        (155, None, f"began {MANY}"),  # as severe as the worst of them
+        (200, level("other", OK, total=10)),
+        (1000, None, f"recovered {MANY}", f"recovered {MILD}"),
+    )
+
+
+def test_an_error_of_a_moment_makes_many_warnings_not_critical():
+    play(
+        (30, levels(PARTS, WARN, total=10)),
+        (40, None, f"began {MILD}"),
+        (60, level("other", ERROR, total=10)),
+        (63, level("other", OK, total=10)),
+        (70, level("part 1", ERROR, total=10), f"began {MANY}"),  # not OK for long
+    )
+
+
+def test_many_components_that_are_one_critical_fault_go_on_in_it_while_they_flap():
+    play(
+        *restless(times=3, seconds=8),
+        (148, levels(PARTS, ERROR, total=10)),
+        (158, None, f"began {MANY}"),
+        (160, levels(PARTS, OK, total=10)),
+        (164, levels(PARTS, ERROR, total=10)),
+        (168, levels(PARTS, OK, total=10)),
+        (1000, None, f"recovered {MANY}"),
+    )
+
+
 def test_half_of_many_are_enough_to_confirm_it_and_fewer_are_not():
     six, few = PARTS[:6], FaultSettings(many=CauseSettings(6, 0.0))
     for left, *began in ((3, f"began {MANY}"), (2,)):

@@ -168,6 +168,17 @@ def test_of_many_components_which_and_how_many_more():
     assert fields["more_components"] == 5
 
 
+def test_of_many_components_that_flap_that_they_do():
+    parts = tuple(Status(OK, f"Part {number}") for number in range(8))
+    driver = after(1, *parts, before=parts)
+    for _change in range(8):
+        driver.raw_every(1, driver.now.mono + 4, *(each._replace(level=ERROR) for each in parts))
+        driver.raw_every(1, driver.now.mono + 4, *parts)
+    named = ", ".join(f"Part {number} FLAPPING" for number in range(5))
+    assert evidence(driver) == [f"8 components: {named} and 3 more"]
+    assert all(each["flaps"] for each in details(driver)["many", ""]["components"])
+
+
 def test_of_a_silent_robot_why_and_when_it_was_last_received():
     driver = after(1, MOTOR)
     last = driver.state.robots["r"].last_wall
