@@ -194,8 +194,9 @@ def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
     silence = robot.problems.get(State.SILENT)
     if before is None or silence is None or robot.history is None:
         return
-    is_larger = suppression.is_explained(book, [silence], (Reason.UNREACHABLE, Reason.SITE), now)
-    if is_larger or robot.explained_until > now.mono:
+    is_larger = suppression.is_explained(book, [silence], (Reason.SITE,), now)
+    is_larger |= suppression.is_unreachable(book, robot, now) or robot.explained_until > now.mono
+    if is_larger:
         robot.history = before
         before.decay(now.mono, robot.settings.presence_interval)
     elif not robot.maintenance:

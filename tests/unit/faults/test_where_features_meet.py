@@ -26,6 +26,7 @@ from support.fault_histories import (
     silent,
     texts,
     together,
+    unreachable,
 )
 
 UPPER, LOWER = "lidar upper", "lidar lower"
@@ -132,6 +133,23 @@ def test_robots_of_a_switch_that_is_away_four_times_do_not_flap():
         (1000, None),
         robots=SIX,
         settings=FaultSettings(site=CauseSettings(3, 0.5)),
+    )
+
+
+def test_what_was_silent_while_its_domain_could_not_be_joined_does_not_flap_after_it():
+    cut_off = unreachable("r1", is_so=True)  # after a restart it is reported anew
+    outages = [
+        step
+        for minute in range(1, 5)
+        for step in (
+            (60 * minute, together(cut_off, silent())),
+            (60 * minute + 8, together(cut_off, back())),
+        )
+    ]
+    play(
+        *outages,
+        (250, unreachable("r1", is_so=False)),
+        (1000, None),
     )
 
 
