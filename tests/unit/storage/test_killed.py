@@ -25,7 +25,9 @@ CHILD = """
 import json, sys, threading, time
 from pathlib import Path
 from ros_diagnostics_exporter.events import EventLog, Wanted
-from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings, FaultSettings, Fleet, Profile, Robot, Source
+)
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -56,7 +58,9 @@ profile = Profile(stale_after=5.0, confirm_after=0.2)
 labels = {"site": "hall"}
 robot = Robot("r", topic_raw="/r", source=Source.RAW, profile=profile, labels=labels)
 path, turn = Path(sys.argv[1]), int(sys.stdin.readline())
-state = FleetState(Fleet("f", (robot,)), clocks())
+# The parts flap, and are not to be one fault with the motor.
+faults = FaultSettings(many=CauseSettings(number=100, share=1.0, absolute=None))
+state = FleetState(Fleet("f", (robot,), faults=faults), clocks())
 storage, recording = Storage(path), threading.Lock()
 log = EventLog(storage.load(state, clocks()), storage.find_events)
 storage.save(state, log, clocks())  # opens the database, from which the events are read
