@@ -167,7 +167,7 @@ class RobotReports:
 
     def is_due(self, now: Instant) -> bool:
         """Whether there is anything to report that no mark shows: it is back, silent or late."""
-        if self._awaited and self.robot.up and self._awaited.has_found:
+        if self._awaited and self.robot.up and self._awaited.has_found(now):
             return True
         return self._presence_at(now) != self._presence
 
@@ -186,9 +186,9 @@ class RobotReports:
             self._apply_conditions(now)
         if self.robot.up:
             if self._awaited:
-                self._awaited.find()
+                self._awaited.find(now)
             levels = marks.components(Mark.LEVEL, self.read)
-            self._awaited.await_late(levels)
+            self._awaited.await_late(levels, now)
             self._note_first(levels)
             changes += self._report_levels(faults, levels, now, renamed=renamed)
             if self._monitors or self._everything:
@@ -276,7 +276,7 @@ class RobotReports:
             return faults.robot_silent(robot.settings.name, since, now)
         self._everything = True
         self._first = FirstReports(robot) if robot.settings.profile.boot_grace else None
-        self._awaited.await_raw()
+        self._awaited.await_raw(now)
         # What was there before the exporter listened has not booted.
         listened = now.mono - robot.listened_since
         may_boot = listened > robot.settings.profile.stale_after

@@ -205,7 +205,7 @@ class FleetState(WatchedFleet):
             with self._lock:
                 if not self._is_known(robot):
                     continue  # dropped meanwhile
-                if not robot.up:
+                if not robot.up or robot.is_never_silent:
                     self._faults.update(robot, now)
                 uplink = self._registry.robots.get(robot.settings.labels.get("uplink", ""))
                 robot.network.uplink_up = uplink is None or not uplink.fails_as_uplink

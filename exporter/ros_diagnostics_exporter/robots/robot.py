@@ -102,7 +102,7 @@ class RobotState:
         self.limits = limits
         self.up = False
         self.source = settings.source
-        self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
+        self.is_never_silent = settings.source is config.Source.QUERIES
         self.look_at = inf  # when its State looks at it again, monotonic
         self.is_newcomer = False  # it was found while others were known
         self._first_mono = inf
@@ -144,7 +144,7 @@ class RobotState:
         """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
             self.source, self._auto = settings.source, AutoSource()
-            self._has_no_ros = settings.source is config.Source.QUERIES
+            self.is_never_silent = settings.source is config.Source.QUERIES
             if not accepts(settings.source, raw=False):
                 self._aggregated.drop_groups()
         if _topics_of(settings) != _topics_of(self.settings):
@@ -237,7 +237,7 @@ class RobotState:
     def measure(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
         """Update components from an answer of a query; only without ROS it makes the robot up."""
         self.measured.apply(feed, statuses, now)
-        if statuses and self._has_no_ros:
+        if statuses and self.is_never_silent:
             self._note_received(now)
 
     def receive_fields(self, statuses: Sequence[Status], now: Instant) -> None:
@@ -316,7 +316,7 @@ class RobotState:
     def tick(self, now: Instant) -> None:
         """Let time pass: silence, late components."""
         self._levels.tick(now)
-        last = self.last_mono if self.up and not self._has_no_ros else None
+        last = self.last_mono if self.up and not self.is_never_silent else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
             self.components.mark_all_stale(now)
@@ -332,7 +332,7 @@ class RobotState:
             due = min(due, self.missions.due)
         if self._levels.minutes:  # asked with each message, and most robots have none
             due = min(due, self._levels.next_tick)
-        if self.up and self.last_mono is not None and not self._has_no_ros:
+        if self.up and self.last_mono is not None and not self.is_never_silent:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
 
@@ -456,7 +456,7 @@ class RobotState:
         persisted = persisted.seen_at(persisted.last_seen, now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
-            self.up = self._has_no_ros
+            self.up = self.is_never_silent
             self.last_mono = now.mono - (now.wall - persisted.last_seen)
             self.components.last_array = self.last_mono
         for each in persisted.components:

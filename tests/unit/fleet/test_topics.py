@@ -391,3 +391,29 @@ def test_a_topic_that_is_read_seldom_leaves_its_robot_no_less_received(tmp_path)
     assert driver.robot.settings.profile.stale_after == 10
     driver.go_on(120, battery_state=BatteryState(voltage=12.0))
     assert [each.after for each in driver.events if each.kind == "robot"] == ["known", "received"]
+
+
+@pytest.mark.parametrize("source", ["none", "auto", "queries, domain_id: 0"])
+def test_a_restart_waits_for_a_topic_that_is_published_seldom(tmp_path, source):
+    driver = Driver(fleet=fleet_of(tmp_path, f"source: {source}"))
+    battery = BatteryState(percentage=0.5)
+    for _ in range(3):
+        driver.go_on(1, battery_state=battery, e_stop=Bool()).go_on(59, e_stop=Bool())
+    later = driver.again(tmp_path / "db")
+    later.__class__ = Driver
+
+    assert later.go_on(60, e_stop=Bool()).faults() == []
+    assert later.go_on(60, e_stop=Bool()).faults() == [("Battery", "stale")]
+    assert not [each for each in later.events if each.kind == "fault_ended"]
+
+
+def test_a_topic_of_a_robot_of_queries_that_stops_is_stale_also_after_a_restart(tmp_path):
+    driver = Driver(fleet=fleet_of(tmp_path, "source: queries, domain_id: 0"))
+    driver.go_on(40, e_stop=Bool())
+    assert driver.go_on(40).faults() == [("E-stop", "stale")]
+    assert driver.go_on(3, e_stop=Bool()).faults() == []
+
+    later = driver.again(tmp_path / "db")
+    later.__class__ = Driver
+    assert later.go_on(60).faults() == []
+    assert later.go_on(60).faults() == [("E-stop", "stale")]
