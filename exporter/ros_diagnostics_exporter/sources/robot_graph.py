@@ -300,7 +300,9 @@ class RobotGraph:
 
     def _release(self, now: Instant) -> None:
         """Once what it is about is known again, what is held and is no problem is healthy."""
-        if self._held and self._held_until == inf:
+        if not self._nodes.there and not self._held <= {LINK, GIVEN_UP}:
+            self._held_until = inf  # of its nodes nothing is seen
+        elif self._held and self._held_until == inf:
             self._held_until = now.mono + HELD
         if now.mono >= self._held_until:
             is_late = now.mono >= self._held_until + UNREAD

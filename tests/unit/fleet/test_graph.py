@@ -193,6 +193,16 @@ def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
     assert again.go_on(5, *USUAL).faults() == []
 
 
+def test_while_no_node_is_seen_after_a_restart_none_that_is_gone_is_back(tmp_path: Path):
+    driver = Driver(fleet=fleet()).go_on(70, *USUAL)
+    driver.go_on(30, "diag")
+    again = restarted(driver, fleet(), tmp_path / "state.db", 5)
+    assert again.go_on(1200).faults() == [("node amcl", "critical")]
+    assert again.go_on(400, "diag").faults() == [("node amcl", "critical")]
+    assert ended(again) == []
+    assert again.go_on(5, *USUAL).faults() == []
+
+
 WATCHED = Watched(logs=True, log_faults=(re.compile("out of memory"),), log_ends_after=1000.0)
 
 
