@@ -34,7 +34,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     """Go on with a fault, if it is one of a robot that is known, and did not end here."""
     identity = fault.identity
-    if not _may_adopt(book, fault, now):
+    if not may_adopt(book, fault, now):
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
@@ -61,7 +61,8 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     return Change("began", fault, now.wall)
 
 
-def _may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
+def may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
+    """Whether it is of a robot that is known, and neither is one here nor ended here."""
     identity = fault.identity
     if identity.scope is Scope.EXPORTER and now.mono >= book.settled_at:
         return False  # it is the other's of a pair, which ends it

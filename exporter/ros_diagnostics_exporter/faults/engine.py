@@ -334,6 +334,10 @@ class Faults:
         """
         return judge.describe(self._book, fault, evidence, capabilities, details or {})
 
+    def may_adopt(self, fault: Fault, now: Instant) -> bool:
+        """Whether `adopt` would go on with a fault."""
+        return adoption.may_adopt(self._book, fault, now)
+
     def adopt(self, fault: Fault, now: Instant) -> list[Change]:
         """Go on with a fault whose alert fires and which this process does not know.
 

@@ -11,9 +11,16 @@ from typing import Any
 
 from ros_diagnostics_exporter.decode.goals import Goal
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import MISSIONS, ProblemView, Row, as_texts
+from ros_diagnostics_exporter.faults.model import (
+    MISSIONS,
+    Fault,
+    ProblemView,
+    Row,
+    State,
+    as_texts,
+)
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.goals import GoalEnd
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.missions import ACTIONS, Action, Missions, MissionsLearned
@@ -63,6 +70,25 @@ class FleetMissions:
         elif action.goals.received_at <= change.since:  # else its goals may be the new server's
             ends = action.restart(now)
         self._take(robot, [action], [(action, end) for end in ends], now)
+
+    def adopt(self, robot: RobotState, fault: Fault, now: Instant) -> None:
+        """Go on with the fault of an action that this process does not know."""
+        missions, name = _missions(robot, now), fault.identity.component
+        is_new = name not in missions.actions
+        action = missions.action(name)
+        if action is not None:
+            if is_new:
+                action.set_there(there=False, now=now)
+            level = Level.ERROR if fault.identity.state is State.CRITICAL else Level.WARN
+            action.adopt(level, fault.since, now)
+            self._take(robot, [action], [], now)
+
+    def forget(self, robot: RobotState, name: str, now: Instant) -> None:
+        """Count nothing more of what an action of a robot did before, as a person wants it."""
+        action = _missions(robot, now).actions.get(name)
+        if action is not None:
+            action.forget()
+            self._take(robot, [action], [], now)
 
     def follow_mode(self, robot: RobotState, now: Instant) -> None:
         """Take whether a robot works by itself, as its components are now."""

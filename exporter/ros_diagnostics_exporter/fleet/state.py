@@ -46,7 +46,7 @@ from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.missions import ACTIONS
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import RobotState
-from ros_diagnostics_exporter.robots.updates import is_of_graph
+from ros_diagnostics_exporter.robots.updates import is_of_graph, query_of
 from ros_diagnostics_exporter.sources.robot_graph import GROUP, SHADOW
 
 Result = TypeVar("Result")
@@ -293,6 +293,8 @@ class FleetState(WatchedFleet):
             of_graph = [each.identity[0] for each in found if is_of_graph(each.identity)]
             for each in found:
                 robot.forget(each, now)
+                if query_of(each.identity) == ACTIONS.name:
+                    self._with_missions().forget(robot, each.identity[0], now)
             if component is None and not robot.declared:
                 self._registry.drop(robot, now)
             else:
@@ -301,15 +303,6 @@ class FleetState(WatchedFleet):
             for watched in of_graph:
                 self._watch.forget(name, watched, now)
         return len(found) + adopted
-
-    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
-        """Go on with faults whose alerts fire and which this process does not know.
-
-        Those of robots that are not known (yet) are skipped.
-        """
-        with self._lock:
-            known = {fault.identity for fault in self._faults.engine.faults()}
-            self._faults.adopt([each for each in faults if each.identity not in known], now)
 
     def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
         """Restore what an earlier process knew of the robots that the config still wants."""

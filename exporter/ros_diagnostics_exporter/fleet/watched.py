@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.decode.goals import decode_goals
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import MISSIONS, Row
+from ros_diagnostics_exporter.faults.model import MISSIONS, Fault, Row, Scope
 from ros_diagnostics_exporter.fleet.discovery import end_of_topic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.missions import FleetMissions
@@ -29,6 +29,7 @@ from ros_diagnostics_exporter.model import (
     place,
 )
 from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.missions import ACTIONS
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE
@@ -36,7 +37,7 @@ from ros_diagnostics_exporter.sources.graph import GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
-from ros_diagnostics_exporter.sources.robot_graph import Report
+from ros_diagnostics_exporter.sources.robot_graph import GROUP, Report
 from ros_diagnostics_exporter.sources.topic_entries import asked_names
 
 log = logging.getLogger(__name__)
@@ -414,6 +415,28 @@ class WatchedFleet(ABC):
         with self._watching:
             return self._watch.accept(robot, now)
 
+    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
+        """Go on with faults whose alerts fire and which this process does not know.
+
+        Those of robots that are not known (yet) are skipped. What makes components of what it saw
+        before sees that as well: else it would say that all is well.
+        """
+        with self._lock:
+            wanted = [each for each in faults if self._faults.engine.may_adopt(each, now)]
+        of_graph = [each for each in wanted if _is_of(each, GROUP)]
+        for domain_id in self.fleet.domain_ids if of_graph else ():
+            self._watch_robots(domain_id, now)
+        with self._watching:
+            for fault in of_graph:
+                robot, component = fault.identity.robot, fault.identity.component
+                self._watch.adopt(robot, component, fault.evidence.split(";\n")[0], now)
+        with self._lock:
+            for fault in wanted:
+                if _is_of(fault, ACTIONS.group) and fault.identity.robot in self._registry.robots:
+                    robot_state = self._registry.robots[fault.identity.robot]
+                    self._with_missions().adopt(robot_state, fault, now)
+            self._faults.adopt(wanted, now)
+
     def _receive_report(self, report: Report, now: Instant) -> None:
         """Update a robot from what the ROS graph shows of it: what is not among it is forgotten."""
         with self._lock:
@@ -440,3 +463,8 @@ class WatchedFleet(ABC):
     @abstractmethod
     def _follow(self, robot: RobotState, now: Instant) -> None:
         """Have the faults follow what changed of a robot, and it looked at when that is due."""
+
+
+def _is_of(fault: Fault, group: str) -> bool:
+    """Whether it is the fault of a component that is made in this group."""
+    return fault.identity.scope is Scope.COMPONENT and fault.identity.group == group

@@ -137,6 +137,21 @@ class Action:
                 self._aborted_at, self._last_aborted = now.wall, clock
         return ends
 
+    def adopt(self, level: Level, since: float, now: Instant) -> None:
+        """Count as many as this level takes: another process saw them, nobody knows when."""
+        clock, rule = self.clock.read(now.mono), self.rule
+        limits = (None, None) if rule is None else (rule.aborted, rule.started)
+        for recent, limit in zip((self._ended, self._started), limits, strict=True):
+            most = limit and (limit.critical if level is Level.ERROR else limit.warning)
+            if recent is not None and most:
+                recent.add([_ABORTED] * most, clock)
+                self._aborted_at, self._last_aborted = since, clock
+
+    def forget(self) -> None:
+        """Count nothing of before any more."""
+        self._ended = self._started = None
+        self.set_rule(self.rule)
+
     # -- judged --------------------------------------------------------------------------------
 
     @property

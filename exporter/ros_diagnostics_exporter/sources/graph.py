@@ -343,6 +343,11 @@ class GraphWatch:
         if robot in self._robots:
             self._robots[robot].forget(component, now)
 
+    def adopt(self, robot: str, component: str, text: str, now: Instant) -> None:
+        """Go on with a problem of a robot that another process knew."""
+        if robot in self._robots:
+            self._robots[robot].adopt(component, text, now)
+
     # -- outliving the process ---------------------------------------------------------------
 
     def take_rows(

@@ -5,6 +5,7 @@ Only where fleet.yml asks: these topics are subscribed for it, and cost bytes of
 
 from __future__ import annotations
 
+import re
 import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -30,6 +31,8 @@ MOST = 20  # log messages that are kept, and nodes of which one is a fault
 MOST_NODES = 1000
 MAX_TEXT = 1000  # characters of one that are kept
 LOGGER_AT, NODE_AT = 16, 12  # of a Log's and of a ParameterEvent's in CDR: where a text begins
+FALLEN = "errorprocessing"  # the state in which an error is handled
+_STUCK, _FELL = re.compile("stuck in (.+)"), re.compile("fell to (.+) after an error")
 GIVEN_UP = "watch"  # the component that names what is read no more
 
 Problems = dict[str, tuple[int, str]]
@@ -244,6 +247,16 @@ class Messages:
         elif kind == "lifecycle":
             self._states.pop(node, None)
 
+    def adopt(self, component: str, text: str, now: Instant) -> None:
+        """Go on with a problem that another process knew, as if it were of now."""
+        kind, _blank, node = component.partition(" ")
+        stuck, fell = _STUCK.fullmatch(text), _FELL.fullmatch(text)
+        if kind == "log":
+            self._matches.setdefault(node, (self._of_logs.read(now.mono), text))
+        elif kind == "lifecycle" and (goal := stuck or fell):
+            state = Transition("" if stuck else FALLEN, goal[1])
+            self._states.setdefault(node, (self.clock.read(now.mono) - STUCK, state))
+
     # -- outliving the process ---------------------------------------------------------------
 
     def learned(self, now: Instant) -> MessagesLearned:
@@ -277,7 +290,7 @@ def _is_between(state: Transition) -> bool:
 
 
 def _fell(state: Transition) -> bool:
-    return state.start == "errorprocessing" and state.goal in ("unconfigured", "finalized")
+    return state.start == FALLEN and state.goal in ("unconfigured", "finalized")
 
 
 def over_budget(rates: Mapping[str, float], most: float) -> list[str]:

@@ -21,6 +21,7 @@ AT_ONCE = 1.5  # seconds in which the processes of a namespace say goodbye
 MANY = 3  # nodes that are gone together; more are one problem
 MOST = 1000  # of one robot
 NODES = "nodes"
+GONE = " nodes are gone: "
 NODE = "node "  # before the name of one: a component, or what a second participant looks for
 
 
@@ -137,7 +138,7 @@ class Nodes:
                 self.due = min(self.due, each.doubled + DOUBLED)
         gone = sorted(name for name, each in own.items() if each.together)
         if gone:
-            text = f"{len(gone)} of {len(own)} nodes are gone: {', '.join(gone)}"
+            text = f"{len(gone)} of {len(own)}{GONE}{', '.join(gone)}"
             problems[NODES] = int(Level.ERROR), text
         return problems
 
@@ -198,6 +199,15 @@ class Nodes:
         for name, each in list(self._nodes.items()):
             if component == f"{NODE}{name}" or (component == NODES and each.together):
                 del self._nodes[name]
+
+    def adopt(self, component: str, text: str, learn_after: float, now: Instant) -> None:
+        """Expect the nodes of a problem that another process knew."""
+        kind, _blank, name = component.partition(" ")
+        names = text.partition(GONE)[2].split(", ") if component == NODES else [name]
+        for each in names if kind in (NODE.strip(), NODES) else ():
+            if each and (each in self._nodes or len(self._nodes) < MOST):
+                node = self._nodes.setdefault(each, _Node(gone=now.mono))
+                node.seen = max(node.seen, learn_after)
 
     def take_events(self) -> list[str]:
         """What happened since the last call."""

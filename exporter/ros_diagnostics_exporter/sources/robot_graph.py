@@ -383,6 +383,19 @@ class RobotGraph:
         self._drop(component)
         self.report_at = self.write_at = now.mono
 
+    def adopt(self, component: str, text: str, now: Instant) -> None:
+        """Go on with a problem that another process knew: it is over once that is seen.
+
+        What was learned of a topic is not known: only a person says that it is over.
+        """
+        self._nodes.adopt(component, text, self.settings.learn_after, now)
+        self.messages.adopt(component, text, now)
+        self.met, self.known = True, min(self.known, now.wall - SHADOW_TIME)
+        if not component.startswith("topic "):
+            self._held.add(component)
+            self._held_until = inf
+        self.report_at = self.write_at = now.mono
+
     # -- outliving the process ---------------------------------------------------------------
 
     def learned(self, now: Instant) -> Learned:

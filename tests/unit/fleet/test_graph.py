@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
 )
 from ros_diagnostics_exporter.config.graph import Graph, Watched
-from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.model import Endpoint, Instant, Status
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
 from ros_diagnostics_exporter.sources.link import LinkReading
@@ -232,6 +232,47 @@ def test_what_was_logged_or_fell_neither_ends_nor_begins_anew_with_a_restart(tmp
     began = [each.component for each in again.events if each.kind == "fault_began"]
     assert "log amcl" not in began
     assert (again.go_on(100, *USUAL).faults(), ended(again)) == (both[:1], ["log amcl"])
+
+
+def taken_over(driver: Driver) -> Driver:
+    """Another process that has no database, and goes on with the faults that fire."""
+    again = Driver(fleet=driver.state.fleet)
+    again.now = Instant(0.0, driver.now.wall + 5)
+    again.state.adopt(driver.state.faults(), again.now)
+    return again
+
+
+@pytest.mark.parametrize(("mode", "gone"), [("on", 1), ("on", 4), ("auto", 1)])
+def test_without_its_database_a_node_that_is_gone_is_a_fault_until_it_is_back(mode, gone):
+    names = ("diag", "amcl", "a", "b", "c")
+    driver = Driver(fleet=fleet(mode="on")).go_on(70, *names)
+    faults = driver.go_on(60, *names[:1], *names[1 + gone :]).faults()
+    assert faults == [("nodes" if gone > 3 else "node amcl", "critical")]
+
+    driver.state.configure(fleet(mode=mode), driver.now)
+    again = taken_over(driver)
+    assert again.go_on(400, *names[:1], *names[1 + gone :]).faults() == faults
+    assert again.go_on(5, *names).faults() == []
+
+
+def test_without_its_database_what_was_logged_or_fell_is_a_fault_until_it_is_over():
+    driver = Driver(fleet=fleet(watch=WATCHED)).go_on(5, *USUAL)
+    driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
+    for node, start, goal in (("diag", "errorprocessing", "finalized"), ("amcl", "", "activating")):
+        topic = f"/r/{node}/transition_event"
+        driver.state.receive_watched(0, topic, Transition(start, goal), driver.now)
+    faults = driver.go_on(60, *USUAL).faults()
+    assert faults == [
+        (f"{each}", "critical") for each in ("lifecycle amcl", "lifecycle diag", "log amcl")
+    ]
+
+    again = taken_over(driver)
+    assert again.go_on(900, *USUAL).faults() == faults
+    for node in USUAL:
+        topic = f"/r/{node}/transition_event"
+        again.state.receive_watched(0, topic, Transition("activating", "active"), again.now)
+    assert again.go_on(5, *USUAL).faults() == faults[2:]
+    assert again.go_on(200, *USUAL).faults() == []
 
 
 def test_a_log_fault_does_not_end_while_its_robot_is_silent():

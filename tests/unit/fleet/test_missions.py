@@ -4,7 +4,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
-from ros_diagnostics_exporter.model import Stream, Topic
+from ros_diagnostics_exporter.model import Instant, Stream, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
 from support.goal_lists import encode_goals
@@ -84,6 +84,35 @@ def test_an_exporter_that_is_killed_ends_no_fault_and_begins_none_again(tmp_path
 
     last = Mission(mission.driver.state.fleet, again.driver.restart(path))
     assert last.stand(20).faults == set()
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "times"), [(DOCK, ABORTED, 1), (GOTO, ABORTED, 2), (SPIN, SUCCEEDED, 3)]
+)
+def test_without_its_database_an_exporter_ends_no_fault_of_goals(mission, name, status, times):
+    mission.run(name, status, times).stand(12)
+    (fault,) = mission.driver.state.faults()
+
+    driver = StateDriver(fleet=mission.driver.state.fleet)
+    driver.now = Instant(0.0, mission.driver.now.wall)
+    driver.state.adopt([fault], driver.now)
+    again = Mission(driver.state.fleet, driver)
+    assert again.stand(500).faults == {name}
+    assert again.stand(100).faults == set()
+
+    driver.state.adopt([fault], driver.now)  # its alert fires a little longer
+    assert again.stand(20).faults == set()
+
+
+def test_what_a_person_forgets_of_an_action_is_no_fault_with_the_next_goal(mission, tmp_path):
+    mission.driver.keep(tmp_path / "x.db")
+    mission.run(DOCK, ABORTED).stand(12)
+    mission.driver.state.forget("r", DOCK, mission.driver.now)
+    assert mission.begin(DOCK).stand(45).faults == set()
+
+    again = Mission(mission.driver.state.fleet, mission.driver.again(tmp_path / "x.db"))
+    assert again.begin(DOCK).stand(45).faults == set()
+    assert again.end(DOCK, ABORTED).stand(12).faults == {DOCK}
 
 
 def test_after_a_restart_a_goal_whose_robot_does_not_return_is_unknown(mission, tmp_path):
