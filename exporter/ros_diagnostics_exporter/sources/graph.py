@@ -62,6 +62,8 @@ class GraphWatch:
         self._nodes: dict[Domain, list[tuple[str, str]]] = {}
         self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
+        # To be subscribed anew, as other entries read them: what is kept for late joiners is sent.
+        self._anew: dict[Domain, set[str]] = {}
         self._gone: set[str] = set()  # robots whose rows are to be deleted
         self._left: set[str] = set()  # ... of which nothing is to be said any more
         # Of action servers: the topics of which they were chosen, and those that were.
@@ -79,7 +81,9 @@ class GraphWatch:
             return
         owners = self._owners[domain] = _Owners(robots)
         self._nodes.pop(domain, None)  # they may be other robots' now
-        self._entries[domain] = TopicEntries(owners.by_name.values())
+        former = self._entries[domain]
+        entries = self._entries[domain] = TopicEntries(owners.by_name.values())
+        self._anew.setdefault(domain, set()).update(entries.changed(former))
         self._drop_others()
         for name, settings in owners.by_name.items():
             graph, namespace = settings.profile.graph, settings.namespace
@@ -158,9 +162,11 @@ class GraphWatch:
             and (domain, name) not in self._given_up
             and any(self._asking(domain, name, kind))
         }
-        entries = self._entries[domain]
+        entries, anew = self._entries[domain], self._anew.pop(domain, ())
         for name, kind in list(wanted.items()):
-            if why := entries.refusal(name, kind):
+            if name in anew:
+                del wanted[name]
+            elif why := entries.refusal(name, kind):
                 del wanted[name]
                 self._note(domain, entries.notes(name, why), now)
         publishing = entries.publishing(types)

@@ -88,6 +88,16 @@ class TopicEntries:
                 name = entry.name_in(robot.namespace, robot.zenoh or "")
                 self._readers.setdefault(name, []).append(_Reader(robot, entry))
 
+    def changed(self, former: TopicEntries) -> set[str]:
+        """The topics that both ask for, by other entries."""
+        return {
+            name
+            for name, readers in former._readers.items()
+            if name in self._readers
+            and [(each.robot, each.entry) for each in readers]
+            != [(each.robot, each.entry) for each in self._readers[name]]
+        }
+
     def robots(self, topic: str) -> Iterable[str]:
         """The robots that ask for a topic."""
         return dict.fromkeys(each.robot for each in self._readers.get(topic, ()))

@@ -95,6 +95,20 @@ def test_a_robot_without_diagnostics_has_its_faults_and_their_ends(
     assert running.sample("robot_silent_reason", robot="r") in (None, 0)
 
 
+def test_a_reload_judges_what_a_driver_published_once_by_the_new_levels(
+    tmp_path, robots, run_exporter, ros_domain
+):
+    entry = f"robots: [{{name: r, namespace: /r, source: none, domain_id: {ros_domain}}}]"
+    robot = Robot(robots, "/r")
+    running = started(tmp_path, run_exporter, entry)
+    robot.set_mode(3)
+    with repeating(robot.publish, 0.5):
+        running.wait_for("component_level", 2, component="Safety")
+        text = FLEET.replace("ROBOTS", entry).replace("{NORMAL: OK}", "{NORMAL: OK, STOP: WARN}")
+        running.service.reloader.configure(load_text(tmp_path, text))
+        running.wait_for("component_level", 1, component="Safety")
+
+
 def test_a_flood_of_large_messages_is_given_up_and_slows_nothing_else(
     tmp_path, robots, run_exporter, ros_domain
 ):

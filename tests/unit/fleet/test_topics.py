@@ -417,3 +417,16 @@ def test_a_topic_of_a_robot_of_queries_that_stops_is_stale_also_after_a_restart(
     later.__class__ = Driver
     assert later.go_on(60).faults() == []
     assert later.go_on(60).faults() == [("E-stop", "stale")]
+
+
+def test_a_topic_that_another_entry_reads_is_subscribed_anew(driver, tmp_path):
+    driver.go_on(3, battery_state=BatteryState(), e_stop=Bool())
+    look = lambda: set(driver.state.watched_topics(0, TYPES, driver.now))  # noqa: E731
+    driver.state.configure(
+        fleet_of(tmp_path, text=FLEET.replace("_when: true", "_when: 1")), driver.now
+    )
+    assert (look(), look()) == ({"/r/battery_state"}, TYPES.keys())
+    driver.state.configure(fleet_of(tmp_path, text=FLEET + "limits: {values: 99}\n"), driver.now)
+    assert (look(), look()) == ({"/r/battery_state"}, TYPES.keys())
+    driver.state.configure(fleet_of(tmp_path, text=FLEET), driver.now)
+    assert (look(), look()) == (TYPES.keys(), TYPES.keys())
