@@ -75,7 +75,7 @@ class ComponentRule(Conditional, Entry, title="Component"):
         "They are STALE after this time without an update. By default it is the robot's. For a "
         "component that its driver publishes itself, it is three times the longest of its last ten "
         "gaps, at least 5s; while these are not known, 90s. An aggregator makes its components "
-        "STALE itself, after its own timeout.",
+        "STALE itself, after its own timeout. What a query measures has the time of its query.",
         example="90s",
         default=None,
     )

@@ -342,12 +342,12 @@ class Component:
 
     def stale_after(self, default: float, *, raw: bool) -> float:
         """Seconds without a fresh status after which the component is STALE."""
+        if self.feed is not None:  # whose answers come at their own times
+            return self.feed.stale_after
         if self.rule is not None and self.is_on_change:
             return inf
         if self.rule is not None and self.rule.stale_after is not None:
             return self.rule.stale_after
-        if self.feed is not None:
-            return self.feed.stale_after
         if not raw:
             return default
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:

@@ -104,6 +104,14 @@ def test_without_its_database_an_exporter_ends_no_fault_of_goals(mission, name, 
     assert again.stand(20).faults == set()
 
 
+def test_an_entry_that_says_when_components_are_stale_says_nothing_of_goals(tmp_path):
+    rule = "    components: [{match: dock, stale_after: 5s, confirm_after: 20s}]\n"
+    mission = Mission.of(tmp_path, FLEET + rule).run(DOCK, ABORTED).stand(8)
+    mission.run(GOTO, SUCCEEDED).stand(8)
+
+    assert (mission.level(DOCK), mission.faults) == (ERROR, {DOCK})
+
+
 def test_what_a_person_forgets_of_an_action_is_no_fault_with_the_next_goal(mission, tmp_path):
     mission.driver.keep(tmp_path / "x.db")
     mission.run(DOCK, ABORTED).stand(12)
