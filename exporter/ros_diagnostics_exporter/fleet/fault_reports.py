@@ -329,6 +329,7 @@ class FaultReports:
         wanted = [name for name in adopted if component in (None, name.component)]
         for name in wanted:
             self._record(self.engine.forget_component(robot, name, now))
+            self._robots[robot].robot.marks.note(Mark.NAMES)  # checks count them no more
         return len(wanted)
 
     def keeps(self, robot: RobotState, component: Component | None = None) -> bool:

@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.robots.conditions import RobotConditions, Suppress
 from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
-from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
+from ros_diagnostics_exporter.robots.rules import check_matches, component_rule, value_rule
 from ros_diagnostics_exporter.robots.values import ExportedValue
 
 _Presence = Literal["up", "silent", "pending"]
@@ -458,11 +458,13 @@ class RobotReports:
         expected = _expected(self._settings.profile)
         if not expected:
             return []
-        robot = self.robot.settings.name
-        changes: list[Change] = []
+        robot, changes = self.robot.settings, list[Change]()
+        known, adopted = {each.name: each for each in robot.profile.checks}, self.adopted(faults)
         for check, counts in self.robot.components.count_checks():
             if check in expected:
-                changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
+                # Those of adopted faults are there: another process received them.
+                found = sum(counts) + sum(check_matches(known[check], *each) for each in adopted)
+                changes += faults.check_changed(robot.name, check, found, expected[check], now)
         return changes
 
 

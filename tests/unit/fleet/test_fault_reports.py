@@ -532,6 +532,17 @@ def test_without_its_database_a_process_goes_on_with_what_fires():
     assert ends == {"silent": "", "critical": "OK"}
 
 
+def test_without_its_database_a_check_counts_the_component_whose_fault_fires():
+    motors, other = Check("motors", (re.compile("Motor"),), expect=2), Status(OK, "Motor 2", "OK")
+    before = settled(MOTOR, other, checks=(motors,)).stand(60, MOTOR)
+    stale = {("component", "stale", "r", "Motor 2")}
+    assert before.fault_names() == stale
+    after = without_database(before).stand(60, MOTOR)
+    assert after.fault_names() == stale
+    after.state.forget("r", "Motor 2", after.now)
+    assert after.stand(12, MOTOR).fault_names() == {("check", "critical", "r", "motors")}
+
+
 def test_a_person_forgets_what_fires_of_components_that_were_never_received_here():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
