@@ -343,7 +343,7 @@ def _component(
 ) -> dict[str, Any]:
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
-    planned = component.rule is not None and component.rule.planned_stale
+    planned = component.plans_stale
     return {
         "component": component.label,
         "group": component.group,

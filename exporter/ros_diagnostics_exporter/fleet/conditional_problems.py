@@ -89,7 +89,7 @@ def _troubles(
     rule = component.rule
     if rule is not None and rule.conditions is not None and component.level > Level.OK:
         state = _STATES[Level(component.level)]
-        if not (state is State.STALE and rule.planned_stale):
+        if not (state is State.STALE and component.plans_stale):
             identity = Identity(Scope.COMPONENT, state, "", robot, group, name)
             yield identity, conditions.find(component, rule.conditions)
     for value in () if component.is_stale else component.values.all:

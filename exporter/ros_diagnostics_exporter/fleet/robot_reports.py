@@ -370,10 +370,9 @@ class RobotReports:
         if rule is None and component.feed is None and component not in self._dependencies:
             return self._usual  # of most components, asked for at each change of a level
         own = None if rule is None else rule.confirm_after
-        planned = rule is not None and rule.planned_stale
+        planned = component.plans_stale
         if component.feed is not None:
             own = component.feed.confirm_after if own is None else own
-            planned = planned or component.feed.planned_stale
         confirm_after = profile.confirm_after if own is None else own
         depends_on = self._dependencies.get(component, frozenset())
         if depends_on and not self._measured.isdisjoint(depends_on):

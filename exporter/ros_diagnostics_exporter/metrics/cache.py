@@ -495,4 +495,4 @@ def _own_stale_after(component: Component, profile: Profile) -> float | None:
 
 
 def _planned_stale(component: Component, _profile: Profile) -> float | None:
-    return 1.0 if component.rule is not None and component.rule.planned_stale else None
+    return 1.0 if component.plans_stale else None

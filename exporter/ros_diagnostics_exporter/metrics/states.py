@@ -75,7 +75,7 @@ def _by_level(robot: RobotState) -> tuple[dict[ComponentName, float], dict[Compo
     for each in robot.components:
         if each.level > Level.OK and not each.suppressed_because:
             name = ComponentName(each.group, each.label)
-            if each.level == Level.STALE and each.rule is not None and each.rule.planned_stale:
+            if each.level == Level.STALE and each.plans_stale:
                 planned[name] = _OF_LEVEL[Level.STALE]
             else:
                 counted[name] = _of_component(each, stale)

@@ -131,6 +131,13 @@ class Component:
         return self.rule is not None and self.rule.reports == "on_change" and self.feed is None
 
     @property
+    def plans_stale(self) -> bool:
+        """Whether it is planned that it is STALE: by fleet.yml, or by what measures it."""
+        if self.feed is not None and self.feed.planned_stale:
+            return True
+        return self.rule is not None and self.rule.planned_stale
+
+    @property
     def is_uplink(self) -> bool:
         """Whether it measures what other robots are reached through."""
         return self.feed is not None and self.feed.uplink
@@ -266,9 +273,8 @@ class Component:
 
         STALE that fleet.yml plans counts as the level before it.
         """
-        is_planned = self.rule is not None and self.rule.planned_stale
         level = None if self.last is None else self.effective_level(self.last.level)
-        if level is None or (level == STALE and is_planned):
+        if level is None or (level == STALE and self.plans_stale):
             level = self.before_stale
         return level in (None, OK) and not self.values.beyond
 

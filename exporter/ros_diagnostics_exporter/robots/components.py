@@ -336,6 +336,7 @@ class Components:
             component.feed = feed
             component.suppressed_because = SHADOWED if feed.shadow else ""
             self._marks.note(Mark.LEVEL, component)
+            self._marks.note(Mark.CONFIG)
 
     def report_again(self, component: Component) -> None:
         """Have the judgement of faults take all of a component, as if it had changed."""

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Query, Robot, Source
 from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.severity import state_of
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 MOTOR = Status(OK, "Motor", "OK")
@@ -174,3 +176,12 @@ def test_it_does_not_keep_a_robot_that_never_published(driver):
         found.now = found.now._replace(mono=3600.0 * hour)
         found.state.tick(found.now)
     assert not found.state.robots
+
+
+def test_a_robot_is_ok_while_what_a_query_measures_is_stale_as_planned():
+    driver = Driver(query=replace(QUERY, planned_stale=True)).pass_to(40, DISK).pass_to(150)
+    assert (driver.level("disk"), driver.faults()) == (STALE, [])
+    assert driver.sample("robot_state") == 0
+    assert driver.sample("component_planned_stale", component="disk") == 1
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    assert state_of(robot) == "OK"
