@@ -132,7 +132,7 @@ class RobotRegistry:
         One that it declared before is taken out by that, unless somebody publishes as it.
         """
         old = robot.settings
-        if robot.declared and not (robot.up or robot.network.publishers):
+        if robot.declared and not (robot.up or robot.is_published):
             return None
         for topic in (old.topic_agg, old.topic_raw, old.topic):
             if topic is not None:

@@ -250,7 +250,7 @@ class RobotReports:
         if robot.up:
             return "up"
         if robot.last_mono is not None:
-            return "pending" if robot.is_fleeting and not robot.network.publishers else "silent"
+            return "pending" if robot.is_fleeting and not robot.is_published else "silent"
         if robot.silent_reason == "never_seen":
             self._announced = None
             return "pending"

@@ -374,6 +374,11 @@ class RobotState:
         return now.mono - last > self.settings.profile.forget_after
 
     @property
+    def is_published(self) -> bool:
+        """Whether anybody publishes on its topics, of whom it is known that it is this robot."""
+        return self.network.publishers > 0 and not self.shared
+
+    @property
     def is_fleeting(self) -> bool:
         """Whether it is a newcomer that was received for less than a minute: it may be invented."""
         if self.declared or not self.is_newcomer:
@@ -382,7 +387,7 @@ class RobotState:
 
     def is_forgettable_newcomer(self, now: Instant) -> bool:
         """Whether it was received for less than a minute, and for ten minutes it is gone."""
-        if self.up or self.network.publishers or not self.is_fleeting:
+        if self.up or self.is_published or not self.is_fleeting:
             return False
         last = self.seen_mono if self.last_mono is None else self.last_mono
         return now.mono - last > FLEETING_KEPT

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Limits, Sour
 from ros_diagnostics_exporter.fleet import registry
 from ros_diagnostics_exporter.fleet.newcomers import _is_gone
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from support.configs import load_text
 from support.state_driver import ERROR, OK, StateDriver
 
 PATTERN = re.compile(r"/(?P<robot>[^/]+)/diagnostics")
@@ -184,3 +185,33 @@ def test_a_robot_that_an_earlier_process_knew_is_no_newcomer(tmp_path):
     playing = Playing().play(125, 140, "new")
     playing.driver = playing.driver.again(tmp_path / "db")
     assert "new" in playing.play(0, 100).faults()
+
+
+def test_a_robot_that_a_shared_topic_names_for_a_moment_is_no_fault(tmp_path):
+    fleet = load_text(tmp_path, "fleet: f\nshared: [{topic: /diagnostics, by: hardware_id}]\n")
+    driver = StateDriver(fleet=fleet)
+
+    def play(seconds: int, *names: str) -> StateDriver:
+        for _ in range(seconds):
+            driver.state.update_graph(0, {"/diagnostics": Endpoint(2)}, driver.now)
+            driver.receive("/diagnostics", *(Status(OK, "Motor", "OK", each) for each in names))
+            driver.at(driver.now.mono + 1)
+        return driver
+
+    play(120, "r1", "r2")
+    play(3, "r1", "r2", "r1;")
+    assert play(100, "r1", "r2").fault_names() == set()
+    assert play(600, "r1", "r2").state.robots.keys() == {"r1", "r2"}
+    assert play(40, "r1").fault_names() == {("robot", "silent", "r2")}
+
+
+def test_a_robot_of_a_shared_topic_that_fleet_yml_no_longer_names_is_taken_out(tmp_path):
+    shared = "fleet: f\nshared: [{topic: /diagnostics, by: hardware_id}]\n"
+    text = f"{shared}robots: [{{name: r1, topic: /diagnostics, source: raw}}]\n"
+    driver = StateDriver(fleet=load_text(tmp_path, text))
+    driver.receive("/diagnostics", Status(OK, "Motor", "OK", "r1")).at(60)
+    driver.state.update_graph(0, {"/diagnostics": Endpoint(2)}, driver.now)
+    assert driver.fault_names() == {("robot", "silent", "r1")}
+
+    driver.state.configure(load_text(tmp_path, shared), driver.now)
+    assert (driver.fault_names(), list(driver.state.robots)) == (set(), [])
