@@ -133,6 +133,11 @@ class Fault:
     capabilities: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def message(self) -> str:
+        """The first line of its evidence: of a component's level what that says."""
+        return self.evidence.split(";\n")[0]
+
 
 class Change(NamedTuple):
     """A fault began or ended, ``at`` Unix time; "removed" by a person, "recovered" by itself."""

@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
     Reason,
     Row,
     Scope,
+    State,
     as_texts,
 )
 from ros_diagnostics_exporter.fleet.capabilities import (
@@ -42,10 +43,15 @@ from ros_diagnostics_exporter.fleet.fault_evidence import (
 )
 from ros_diagnostics_exporter.fleet.newcomers import STARTING
 from ros_diagnostics_exporter.fleet.robot_reports import RobotReports
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Instant, Level, Status
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
+
+_LEVELS = {  # of what begins a fault
+    (Scope.COMPONENT, State.WARNING): Level.WARN,
+    (Scope.COMPONENT, State.CRITICAL): Level.ERROR,
+}
 
 
 class FaultReports:
@@ -309,12 +315,32 @@ class FaultReports:
         """Go on with faults whose alerts fire and which this process does not know."""
         now = self._time(now)
         for fault in faults:
+            self._take_over(fault, now)
             self._record(self.engine.adopt(fault, now))
             reports = self._robots.get(fault.identity.robot)
             if reports is not None:
                 reports.has_adopted = True
                 changes = reports.configure(self.engine, now)
                 self._record(changes + reports.update(self.engine, now))
+
+    def _take_over(self, fault: Fault, now: Instant) -> None:
+        """Go on with what a component said to another process, if it reports only changes.
+
+        What it said here is no evidence of the end of a fault that began later.
+        """
+        known = self._find(fault.identity)
+        component = None if known is None else known[1]
+        if known is None or component is None or not component.is_on_change:
+            return
+        wanted = _LEVELS.get((fault.identity.scope, fault.identity.state), component.level)
+        said = [each for each in Level if component.effective_level(each) == wanted]
+        if component.since > fault.since or not said:
+            return
+        if component.is_stale:
+            component.reported_before = said[0]  # it goes on with that when the robot is back
+        else:
+            status = Status(said[0], component.identity[0], fault.message)
+            known[0].components.update(component, status, now)
 
     def forget(self, robot: str, component: str | None, now: Instant) -> int:
         """Note that nothing of a robot, or of its components of one name, is to be held any more.

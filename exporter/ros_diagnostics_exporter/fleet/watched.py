@@ -429,7 +429,7 @@ class WatchedFleet(ABC):
         with self._watching:
             for fault in of_graph:
                 robot, component = fault.identity.robot, fault.identity.component
-                self._watch.adopt(robot, component, fault.evidence.split(";\n")[0], now)
+                self._watch.adopt(robot, component, fault.message, now)
         with self._lock:
             for fault in wanted:
                 if _is_of(fault, ACTIONS.group) and fault.identity.robot in self._registry.robots:

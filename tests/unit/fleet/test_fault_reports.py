@@ -543,6 +543,35 @@ def test_without_its_database_a_check_counts_the_component_whose_fault_fires():
     assert after.stand(12, MOTOR).fault_names() == {("check", "critical", "r", "motors")}
 
 
+BUMPER, BUMPED = Status(OK, "Bumper", "OK"), Status(ERROR, "Bumper", "hit")
+
+
+@pytest.mark.parametrize("missed", ["while it was down", "on its link"])
+@pytest.mark.parametrize("levels", [{}, {ERROR: WARN, WARN: ERROR}])
+def test_a_half_that_missed_a_change_does_not_end_the_fault_of_the_other(tmp_path, missed, levels):
+    rule = ComponentRule(re.compile("Bumper"), reports="on_change", levels=levels)
+    one = settled(MOTOR, BUMPER, components=(rule,)).stand(10, MOTOR)
+    other = settled(MOTOR, BUMPER, components=(rule,)).stand(10, MOTOR)
+    fault = one.stand(1, BUMPED).stand(20, MOTOR).state.faults()[0]
+    if missed == "while it was down":
+        other = other.again(tmp_path / "x.db", after=21)
+    other.stand(21, MOTOR).state.adopt([fault], other.now)
+
+    assert other.stand(60, MOTOR).state.faults() == [fault]
+    assert other.component("Bumper").message == "hit"
+    assert other.stand(1, BUMPER).fault_names() == set()
+
+
+def test_a_half_that_received_a_change_after_a_fault_began_ends_it():
+    rule = ComponentRule(re.compile("Bumper"), reports="on_change")
+    one = settled(MOTOR, BUMPER, components=(rule,)).stand(10, MOTOR)
+    fault = one.stand(1, BUMPED).stand(20, MOTOR).state.faults()[0]
+    other = StateDriver(fleet=one.state.fleet).at(one.now.mono).stand(1, MOTOR, BUMPER)
+    other.state.adopt([fault], other.now)
+
+    assert other.fault_names() == set()
+
+
 def test_a_person_forgets_what_fires_of_components_that_were_never_received_here():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
