@@ -61,12 +61,13 @@ class Bad(NamedTuple):
 class Standing(NamedTuple):
     """How good an expression is: because of which parts, and for want of data (``absent``).
 
-    ``due`` (monotonic) is when these have been so for their confirm_after.
+    ``due`` (monotonic) is when these have been so for their confirm_after; inf: never, as what was
+    never received is not lost.
     """
 
     state: CapabilityState
     parts: Mapping[PartName, Bad] = MappingProxyType({})
-    due: float = -inf
+    due: float = inf
     absent: bool = False
 
 

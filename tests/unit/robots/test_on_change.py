@@ -131,8 +131,9 @@ def test_an_aggregator_that_says_stale_for_want_of_an_update_changes_nothing():
     assert level(driver) == ("OK", "not reported again for 10m")
 
 
-def test_what_an_aggregator_no_longer_has_after_a_reboot_is_stale_until_it_is_published_again():
-    driver = StateDriver(Source.AGG, components=(RULE,))
+@pytest.mark.parametrize("rule", [RULE, replace(RULE, ends_after=10.0)], ids=["lasts", "ends"])
+def test_what_an_aggregator_no_longer_has_after_a_reboot_is_stale_until_it_is_published_again(rule):
+    driver = StateDriver(Source.AGG, components=(rule,))
     for second in range(300):
         driver.at(second)
         if 60 <= second < 120:
@@ -140,7 +141,7 @@ def test_what_an_aggregator_no_longer_has_after_a_reboot_is_stale_until_it_is_pu
         has = second < 60 or second >= 200
         driver.agg(*tree(Parts=[MOTOR, *([SERIAL._replace(level=OK)] if has else [])]))
         if second == 199:
-            assert level(driver)[0] == "STALE"
+            assert level(driver) == ("STALE", "lost sync")
     assert level(driver)[0] == "OK"
 
 
