@@ -1,29 +1,34 @@
 """Robots behind a bad network, clocks that are set, a process that pauses; what holds whatever.
 
 Messages are lost, delayed, doubled and reordered; a robot is switched off, its components are mute;
-the clocks of robots and of the exporter are set, and its process stands still or is started again.
+the clocks of robots and of the exporter are set, its process stands still or is started again, and
+its disk is full: then a later process knows what was written before that.
 What arrived at the exporter's machine, and what its process took of it, is noted here.
 """
 
 from __future__ import annotations
 
 import heapq
-import json
+import sqlite3
+import tempfile
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import count
 from math import inf
+from pathlib import Path
 from random import Random
 from statistics import median
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source, ValueRule
-from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import Clocks
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.storage.database import Database
+from ros_diagnostics_exporter.storage.storage import Storage
 from simulation.small_fleet import CONFIRM, FEWEST, Charge
 from support.fault_histories import BATTERY
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
@@ -121,6 +126,20 @@ class Sender:
             yield tree(g=rows)
 
 
+class Disk(Storage):
+    """The database of one process, on a disk that may be full."""
+
+    is_full = False
+
+    def _open(self) -> Database:
+        if self.is_full:
+            raise sqlite3.OperationalError("database or disk is full")
+        return super()._open()
+
+    def _log_dropped(self, dropped: list[str]) -> None:
+        assert not dropped, dropped
+
+
 class Site:
     """The robots, the network, and the process; times are seconds since the begin.
 
@@ -128,12 +147,13 @@ class Site:
     as much counts as `Clocks` says.
     """
 
-    def __init__(self, random: Random) -> None:
+    def __init__(self, random: Random, folder: Path) -> None:
         self._random = random
         self.time = self.ran = 0.0
         self.robots = {name: Sender(name) for name in ROBOTS}
         self._wall = 0.0  # seconds by which the exporter's clock was set
-        self._is_exact = True  # until rows are restored by a clock that was set
+        # Until rows are restored by a clock that was set, or that are not the last ones.
+        self._is_exact = True
         self._under_way: list[tuple[float, int, str, float, tuple[Status, ...]]] = []
         self._numbers = count()
         self._waiting: dict[str, list[tuple[float, tuple[Status, ...]]]] = {}
@@ -143,7 +163,8 @@ class Site:
         self._own_clock = Clock()  # by most robots
         self._enough_at = 0.0  # when enough robots to tell were received
         self._began = 0.0  # the process
-        self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
+        self._disk = Disk(folder / "state.db")
+        self._charges: dict[str, Charge] = {}  # as written
         self._start()
 
     def _start(self) -> None:
@@ -194,20 +215,33 @@ class Site:
 
     def restart(self, seconds: float) -> None:
         """The process ends, and another goes on with what it has written."""
-        now = self._now()
-        robots = {name: each.persist(now) for name, each in self._state.robots.items()}
-        for row in self._state.take_fault_rows(now, at_once=True):
-            self._rows[row.kind, row.key] = row._replace(fields=json.loads(json.dumps(row.fields)))
+        is_full = self._disk.is_full
+        self._write()
+        self._disk.close()
         self._stands_until = inf
         self.go(seconds)
         self._stands_until = 0.0
         self._start()
-        self._is_exact = self._is_exact and self._wall == 0.0
-        self._state.restore(robots, self._now())
-        rows = [each for each in self._rows.values() if each.fields is not None]
-        assert not self._state.restore_faults(rows, self._now())
+        self._is_exact = self._is_exact and self._wall == 0.0 and not is_full
+        self._disk = Disk(self._disk.path)
+        self._disk.load(self._state, self._now())
+        self._disk.is_full = is_full
+        for name, charge in self._charges.items():
+            self.robots[name].charge = deepcopy(charge)
+        self.doubts = self._doubts_itself
         self.ran += seconds + self._stood  # what was written has the time of day alone
         self._began, self._stood = self.ran, 0.0
+
+    def full_disk(self, is_so: bool) -> None:
+        """Nothing can be written from now on, or it can again."""
+        self._write()
+        self._disk.is_full = is_so
+
+    def _write(self) -> None:
+        self._disk.save(self._state, EventLog(), self._now(), at_once=True)
+        assert self._disk.successful is not self._disk.is_full
+        if not self._disk.is_full:
+            self._charges = {name: deepcopy(each.charge) for name, each in self.robots.items()}
 
     def clock(self, seconds: float) -> None:
         """The exporter's wall clock is set."""
@@ -260,6 +294,8 @@ class Site:
         self._note_clocks()
         self._state.tick(now)
         self._check()
+        if self._disk.is_full:
+            self._write()
         for robot in self.robots.values():
             robot.away = 0.0
 
@@ -349,6 +385,11 @@ class Site:
             self.go(20, Clocks.LONGEST)
         assert not self._state_faults(), self._state_faults()
 
+    @property
+    def _doubts_itself(self) -> bool:
+        """Whether there is a fault of the exporter's own clock."""
+        return any(each[2:] == ("", "clock") for each in self._state_faults())
+
     def _state_faults(self) -> set[tuple[str, str, str, str]]:
         found = (each.identity for each in self._state.faults())
         return {(each.scope, each.state, each.robot, each.component) for each in found}
@@ -356,7 +397,7 @@ class Site:
     def _wanted(self) -> Iterator[tuple[str, str, str]]:
         """State, robot and component of the faults that there have to be."""
         found = {each[1:] for each in self._state_faults()}
-        own = any(each[2:] == ("", "clock") for each in self._state_faults())
+        own = self._doubts_itself
         for name, robot in self.robots.items():
             if robot.off or (robot.is_raw and len(robot.mute) == len(COMPONENTS)):
                 flaps = ("flapping", name, "") in found
@@ -460,25 +501,28 @@ def _fleet() -> Fleet:
     return Fleet("f", tuple(robots))
 
 
-def play(seed: int) -> None:
-    """Play up to twenty steps, the same for the same seed.
+def play(seed: int, *, extra: bool = True) -> None:
+    """Play what happens, the same for the same arguments.
 
     Raises:
         AssertionError: something does not hold.
     """
     random = Random(f"network {seed}")
-    site = Site(random)
-    site.go(40)  # restart_grace
-    for what, *how in random_steps(seed):
-        getattr(site, what)(*how)
-        site.go(random.choice((0, 1, 5, 12, 40)))
-    site.check_end()
+    with tempfile.TemporaryDirectory(prefix="network-") as folder:
+        site = Site(random, Path(folder))
+        site.go(40)  # restart_grace
+        for what, *how in random_steps(seed, extra=extra):
+            getattr(site, what)(*how)
+            site.go(random.choice((0, 1, 5, 12, 40)))
+        site.check_end()
 
 
-def random_steps(seed: int) -> Iterator[tuple[Any, ...]]:
-    """What happens, the same for the same seed."""
-    random = Random(seed)
+def random_steps(seed: int, *, extra: bool = True) -> Iterator[tuple[Any, ...]]:
+    """Up to twenty steps, and ``extra`` ones: those of a disk that is full."""
+    random, more = Random(seed), Random(f"disk {seed}")
     for _ in range(random.randrange(3, 20)):
+        while extra and more.random() < 0.2:
+            yield more.choice((("full_disk", True), ("full_disk", False), ("restart", 5)))
         robot, component = random.choice(ROBOTS), random.choice(COMPONENTS)
         level = random.choice((OK, WARN, ERROR, ERROR, STALE))
         network = {"lost": random.choice((0.0, 0.2, 0.7)), "double": random.choice((0.0, 0.5))}
