@@ -9,14 +9,25 @@ PACKAGES = ("api", "config", "decode", "faults", "fleet", "metrics", "robots", "
 
 
 class Drawn(NamedTuple):
-    """A folder of the checkout with code, and the files or folders of its tests."""
+    """A folder of the checkout with code, the files or folders of its tests, and its ``files``."""
 
     source: Path
     tests: tuple[str, ...]
+    files: str = "**/*.py"
 
 
-# What tests rest on, and is no package of the exporter.
+# What is no package of the exporter: its modules beside these, and what tests rest on.
 OTHERS = {
+    "ros_diagnostics_exporter": Drawn(
+        Path("exporter/ros_diagnostics_exporter"),
+        (
+            *("tests/unit/service", "tests/unit/cli", "tests/unit/test_loops.py"),
+            *("tests/unit/test_http_client.py", "tests/unit/test_durations.py"),
+            *("tests/unit/test_extras.py", "tests/unit/test_mission_numbers.py"),
+            *("tests/unit/test_weekly.py", "tests/unit/web/test_pages.py"),
+        ),
+        "*.py",
+    ),
     "simulation": Drawn(
         Path("lab/simulation"),
         ("tests/unit/simulation", "tests/unit/faults/test_invariants.py"),

@@ -12,6 +12,8 @@ _KINDS = (
     ("NumberReplacer", r"\bexample=[^=]*$", ""),
     ("ReplaceTrueWithFalse", r"\bexample=[^=]*$", ""),
     ("ReplaceFalseWithTrue", r"\bexample=[^=]*$", ""),
+    # How wide JSON is indented is chosen.
+    ("NumberReplacer", r"\bindent=$", ""),
     # How much a cache keeps is chosen.
     ("NumberReplacer", r"\blru_cache\(maxsize=$", ""),
     # What is joined is equally long where the code is right: strict is there to say so.

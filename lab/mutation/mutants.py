@@ -59,20 +59,20 @@ class _Place(NamedTuple):
     start: tuple[int, int]
 
 
-def draw(package: Path, seed: int) -> Iterator[Mutant]:
-    """All mutants of a package, at most one for each place, in the order that ``seed`` gives.
+def draw(package: Path, files: str, seed: int) -> Iterator[Mutant]:
+    """All mutants of a package's ``files``, one for each place, in the order that ``seed`` gives.
 
     Lines that change or are left out do not change the order of the others.
     """
     drawn: set[tuple[Path, tuple[int, int]]] = set()
-    for place in sorted(_places(package, seed)):
+    for place in sorted(_places(package, files, seed)):
         if (place.path, place.start) not in drawn:
             drawn.add((place.path, place.start))
             yield _mutant(package.parent, place)
 
 
-def _places(package: Path, seed: int) -> Iterator[_Place]:
-    for path in sorted(package.rglob("*.py")):
+def _places(package: Path, files: str, seed: int) -> Iterator[_Place]:
+    for path in sorted(package.glob(files)):
         text = path.read_text()
         lines = text.splitlines()
         for name, occurrence, start in _positions(text):

@@ -27,12 +27,12 @@ def main(package: str, mutants: int, seed: int) -> int:
     """
     # By its text, as a mutant may be as long and as old as what it is made from.
     by_text = py_compile.PycInvalidationMode.CHECKED_HASH
-    source, paths = drawn(package)
+    source, paths, files = drawn(package)
     source = source.resolve()
     compileall.compile_dir(source, quiet=1, invalidation_mode=by_text)
     tests = Tests(paths, source)
     allowed = {Change(each["file"], each["was"], each["now"]) for each in survivors()}
-    wanted = (each for each in draw(source, seed) if each.change not in allowed)
+    wanted = (each for each in draw(source, files, seed) if each.change not in allowed)
     chosen = list(itertools.islice(wanted, mutants))
     survived = [each for each in chosen if not _killed(each, tests)]
     killed = len(chosen) - len(survived)

@@ -113,10 +113,19 @@ def beside(content):
     """(topic, type, second, bytes) of all messages that are none of diagnostics."""
     found = make_reader(io.BytesIO(content), validate_crcs=True).iter_messages()
     return [
-        (channel.topic, schema.name, message.log_time / 1e9 - WALL, message.data)
+        (channel.topic, schema and schema.name, message.log_time / 1e9 - WALL, message.data)
         for schema, channel, message in found
         if not channel.topic.endswith("diagnostics")
     ]
+
+
+def test_a_type_of_which_no_definition_is_known_is_none(tmp_path):
+    topic, kind, data = "/r/odd", "no_such_msgs/msg/Odd", b"\0\1\0\0\7\0\0\0"
+    site = Site(tmp_path, Watched(), TopicEntry(topic="odd", component="Odd", fields={"x": "X"}))
+    site.diagnose(range(80))
+    site.state.receive_fields(0, topic, kind, data, at(80))
+    site.diagnose(range(81, 111))
+    assert beside(site.recording()) == [(topic, None, 80, data)]
 
 
 def test_a_topic_of_which_fields_are_read_is_in_it_with_its_type(tmp_path):

@@ -355,6 +355,11 @@ def test_a_topic_has_no_more_memory_than_its_ring(recordings):
         assert rings.size <= RING + 2 * rings_module.CHUNK
 
 
+def test_what_is_received_within_ten_seconds_is_compressed_together(recordings):
+    receive(recordings.rings, TOPICS[0], range(20))
+    assert len(recordings.rings.get(Stream(TOPICS[0])).chunks(0, 1 << 63)) == 2
+
+
 def test_what_compresses_well_has_a_limit_as_it_is_decompressed(recordings):
     """A megabyte of zeros ten times a second would take a long time to be written."""
     for second in range(60):  # below the quota of a stream, else nothing of it is kept
