@@ -16,6 +16,8 @@ _KINDS = (
     ("NumberReplacer", r"\bindent=$", ""),
     # How much a cache keeps is chosen.
     ("NumberReplacer", r"\blru_cache\(maxsize=$", ""),
+    # Without a cache the same is computed again.
+    ("RemoveDecorator", "", r"@(lru_)?cache\b"),
     # What is joined is equally long where the code is right: strict is there to say so.
     ("ReplaceTrueWithFalse", r"\bzip\(.*, strict=$", ""),
     # Who assigns to a field of a frozen dataclass learns it from mypy.

@@ -58,7 +58,9 @@ def test_each_class_that_is_caught_is_replaced_alone():
         ("ReplaceFalseWithTrue", "@dataclass(slots=False, eq=False)", "False,", False),
         ("RemoveDecorator", "    @overload", "@", True),
         ("RemoveDecorator", "    @override", "@", True),
+        ("RemoveDecorator", "@lru_cache(maxsize=4096)", "@", True),
         ("RemoveDecorator", "    @property", "@", False),
+        ("RemoveDecorator", "    @cached_property", "@", False),
     ],
 )
 def test_a_kind_of_mutants_that_no_test_has_to_find_is_not_made(operator, line, at, expected):

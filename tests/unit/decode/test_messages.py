@@ -14,7 +14,11 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_parser import definition as idl
 
-from ros_diagnostics_exporter.decode.messages import MessageTypes, UndecodableError
+from ros_diagnostics_exporter.decode.messages import (
+    MessageTypes,
+    UndecodableError,
+    UnknownTypeError,
+)
 
 NAMES = [
     "actionlib_msgs/GoalStatusArray",
@@ -126,3 +130,24 @@ def test_a_message_is_decoded_as_rclpy_does(name):
 def test_whatever_bytes_come_they_are_a_message_or_undecodable(name, data, order):
     with suppress(UndecodableError):
         TYPES.find(name.replace("/", "/msg/")).decode(order + data)
+
+
+def test_a_type_has_its_constants_and_the_hash_that_its_publishers_have():
+    found = TYPES.find("sensor_msgs/msg/BatteryState")
+    assert found.constants["sensor_msgs/BatteryState"]["POWER_SUPPLY_STATUS_FULL"] == "4"
+    string = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+    assert TYPES.find("std_msgs/msg/String").hash == string
+
+
+@pytest.mark.parametrize(
+    ("text", "missing"),
+    [(None, "Own: install"), ("odd_msgs/Odd odd", "Odd, which odd_msgs/msg/Own uses: install")],
+)
+def test_of_a_type_that_is_not_known_it_is_said_which_definition_is_missing(
+    tmp_path, text, missing
+):
+    (tmp_path / "odd_msgs").mkdir()
+    if text is not None:
+        (tmp_path / "odd_msgs/Own.msg").write_text(text)
+    with pytest.raises(UnknownTypeError, match=f"of the type odd_msgs/msg/{missing}"):
+        MessageTypes(tmp_path).find("odd_msgs/msg/Own")
