@@ -2,7 +2,8 @@
 
 Messages are lost, delayed, doubled and reordered; a robot is switched off, its components are mute;
 the clocks of robots and of the exporter are set, its process stands still or is started again, and
-its disk is full: then a later process knows what was written before that.
+its disk is full: then a later process knows what was written before that. Some robots and
+components are received for the first time only later, and what the fleet can do rests on them.
 What arrived at the exporter's machine, and what its process took of it, is noted here.
 """
 
@@ -21,6 +22,13 @@ from random import Random
 from statistics import median
 from typing import Any
 
+from ros_diagnostics_exporter.config.capabilities import (
+    Capability,
+    ComponentsOf,
+    Expression,
+    FleetCapability,
+    RobotsOf,
+)
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source, ValueRule
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -35,6 +43,8 @@ from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
 
 ROBOTS = ("r1", "r2", "r3", "r4")  # the even ones with an aggregator
 COMPONENTS = ("battery", "motor", "imu")
+DRIVES = "imu"  # the component that a robot needs to drive
+DRIVING = 2  # robots that have to
 STALE_AFTER = 10.0
 LATE = 2.5  # seconds by which turns may be late
 LIMIT = 5.0  # seconds by which a clock may differ
@@ -59,6 +69,7 @@ class Part:
     ok_at: float = 0.0  # when it was last OK
     at: float = 0.0  # when anything was taken
     changes: int = 0  # at most: each gap may be STALE and back
+    is_new: bool = True  # it was never taken
 
 
 @dataclass
@@ -112,6 +123,11 @@ class Sender:
         """Whether its drivers are received, and no aggregator."""
         return int(self.name[1:]) % 2 == 1
 
+    @property
+    def is_new(self) -> bool:
+        """Whether nothing of it was ever taken."""
+        return all(each.is_new for each in self.parts.values())
+
     def arrays(self) -> Iterator[tuple[Status, ...]]:
         """What it publishes in a second."""
         pairs = {"battery": (("charge", self.text),) if self.text else ()}
@@ -147,8 +163,8 @@ class Site:
     as much counts as `Clocks` says.
     """
 
-    def __init__(self, random: Random, folder: Path) -> None:
-        self._random = random
+    def __init__(self, random: Random, folder: Path, *, drives: bool) -> None:
+        self._random, self._drives = random, drives
         self.time = self.ran = 0.0
         self.robots = {name: Sender(name) for name in ROBOTS}
         self._wall = 0.0  # seconds by which the exporter's clock was set
@@ -170,7 +186,7 @@ class Site:
     def _start(self) -> None:
         self._clocks = Clocks(lambda: self.time)
         self._clocks.keep_watch()
-        self._state = FleetState(_fleet(), self._now())
+        self._state = FleetState(_fleet(drives=self._drives), self._now())
         self._waiting, self._last_turn = {}, self.time
 
     def _now(self) -> Instant:
@@ -188,6 +204,12 @@ class Site:
             self._arrive()
             if self.time >= self._stands_until:
                 self._turn()
+
+    def begin(self) -> None:
+        """Some robots are switched on later, and some drivers start later."""
+        for robot in self.robots.values():
+            robot.off = self._random.random() < 0.3
+            robot.mute = {each for each in COMPONENTS if self._random.random() < 0.3}
 
     def change(self, robot: str, how: dict[str, Any]) -> None:
         """Something about a robot, or about its network, is another from now on."""
@@ -348,14 +370,16 @@ class Site:
             if event.kind not in ("fault_began", "fault_ended"):
                 continue
             robot = self.robots.get(event.robot)
-            if robot is None:
+            if event.scope == "capability" and event.kind == "fault_began":
+                self._check_driving(robot, event)
+            elif robot is None and event.scope != "capability":
                 self._check_own_clock(event)
             elif event.kind == "fault_began":
-                wrong = _wrong_begin(self, robot, event)
+                wrong = robot and _wrong_begin(self, robot, event)
                 assert not wrong, (wrong, self.time, event)
             else:
                 assert event.reason == "recovered", event
-                wrong = _wrong_end(self, robot, event)
+                wrong = robot and _wrong_end(self, robot, event)
                 assert not wrong, (wrong, self.time, event)
 
     def _check_own_clock(self, event: Event) -> None:
@@ -366,6 +390,26 @@ class Site:
             assert self._enough_at >= self.ran - LATE, (self.time, event)
         else:
             assert self._own_clock.perhaps >= self.ran - LATE, (self.time, event)
+
+    def _check_driving(self, robot: Sender | None, event: Event) -> None:
+        """What a robot, or (None) the fleet, cannot do; what was never received is not lost."""
+        robots = [robot] if robot else [*self.robots.values()]
+        needed = 1 if robot else len(robots) - DRIVING + (event.state != "no_reserve")
+        lacking = [each.name for each in robots if self.may_not_drive(each)]
+        assert len(lacking) >= needed, (lacking, self.time, event)
+
+    def may_not_drive(self, robot: Sender) -> bool:
+        """Whether a robot cannot drive, or nobody knows any more whether it can."""
+        part = robot.parts[DRIVES]
+        is_silent = not robot.is_new and self.is_away(robot)
+        is_bad = part.level != OK or self.ran - part.at > STALE_AFTER / 4
+        is_due = self.is_due(part.ok_at, CONFIRM) or part.changes >= FEWEST
+        return is_silent or (not part.is_new and is_bad and is_due)
+
+    def is_away(self, robot: Sender) -> bool:
+        """Whether nothing arrived of it for so long that it may be silent."""
+        away = max(self.time - robot.arrived, robot.away)
+        return away >= STALE_AFTER + CONFIRM - LATE
 
     def is_due(self, since: float, confirm_after: float) -> bool:
         """Whether a problem may be a fault that was not there at that time."""
@@ -401,14 +445,16 @@ class Site:
         for name, robot in self.robots.items():
             if robot.off or (robot.is_raw and len(robot.mute) == len(COMPONENTS)):
                 flaps = ("flapping", name, "") in found
-                yield ("flapping" if flaps else "silent"), name, ""
+                if not robot.is_new:
+                    yield ("flapping" if flaps else "silent"), name, ""
                 continue
             if abs(robot.offset) > LIMIT and not own:
                 yield "clock", name, ""
             for component in COMPONENTS:
                 level = STALE if component in robot.mute else robot.levels[component]
                 flaps = ("flapping", name, component) in found
-                if level == ERROR:
+                is_said = component == DRIVES and ("lost", name, "") in found
+                if level == ERROR and not is_said:
                     yield ("flapping" if flaps else "critical"), name, component
             is_judged = robot.charge.known and "battery" not in robot.mute
             below = robot.charge.below if is_judged else ()
@@ -421,7 +467,7 @@ def _note(robot: Sender, name: str, status: Status | None, at: float) -> None:
     part = robot.parts[name]
     level = STALE if status is None else status.level
     part.changes += (level != part.level) + 2 * (at - part.at > STALE_AFTER / 4)
-    part.level, part.at = level, at
+    part.level, part.at, part.is_new = level, at, part.is_new and status is None
     if level == OK:
         part.ok_at = at
     if name == "battery":
@@ -451,10 +497,10 @@ def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
 
 
 def _wrong_begin_of_robot(site: Site, robot: Sender, event: Event) -> str:
+    if event.state == "pending":
+        return "" if robot.is_new else "it was received"
     if event.state == "silent":
-        least = STALE_AFTER + CONFIRM - LATE
-        away = max(site.time - robot.arrived, robot.away)
-        return "" if away >= least else "it was just received"
+        return "" if site.is_away(robot) else "it was just received"
     if event.state == "flapping":
         is_away = site.time - robot.arrived > STALE_AFTER
         enough = 2 * robot.gaps + is_away >= FEWEST
@@ -485,9 +531,16 @@ def _wrong_end(site: Site, robot: Sender, event: Event) -> str:
     return "" if part.level not in WORSE[event.state] else f"it is {part.level}"
 
 
-def _fleet() -> Fleet:
+def _fleet(*, drives: bool) -> Fleet:
     rule = ValueRule(key=Pattern("charge"), thresholds=BATTERY)
-    profile = Profile(stale_after=STALE_AFTER, confirm_after=CONFIRM, values=(rule,))
+    drive = Capability("drive", Expression(None, (ComponentsOf((Pattern(DRIVES),)),)))
+    driving = FleetCapability("driving", Expression(DRIVING, (RobotsOf("drive", {}),)))
+    profile = Profile(
+        stale_after=STALE_AFTER,
+        confirm_after=CONFIRM,
+        values=(rule,),
+        capabilities={"drive": drive} if drives else {},
+    )
     robots = (
         Robot(
             name,
@@ -498,7 +551,7 @@ def _fleet() -> Fleet:
         )
         for name in ROBOTS
     )
-    return Fleet("f", tuple(robots))
+    return Fleet("f", tuple(robots), capabilities={"driving": driving} if drives else {})
 
 
 def play(seed: int, *, extra: bool = True) -> None:
@@ -509,7 +562,9 @@ def play(seed: int, *, extra: bool = True) -> None:
     """
     random = Random(f"network {seed}")
     with tempfile.TemporaryDirectory(prefix="network-") as folder:
-        site = Site(random, Path(folder))
+        site = Site(random, Path(folder), drives=extra)
+        if extra:
+            site.begin()
         site.go(40)  # restart_grace
         for what, *how in random_steps(seed, extra=extra):
             getattr(site, what)(*how)
@@ -518,7 +573,7 @@ def play(seed: int, *, extra: bool = True) -> None:
 
 
 def random_steps(seed: int, *, extra: bool = True) -> Iterator[tuple[Any, ...]]:
-    """Up to twenty steps, and ``extra`` ones: those of a disk that is full."""
+    """Up to twenty steps, and ``extra`` ones, as of a disk that is full."""
     random, more = Random(seed), Random(f"disk {seed}")
     for _ in range(random.randrange(3, 20)):
         while extra and more.random() < 0.2:
