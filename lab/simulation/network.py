@@ -180,7 +180,8 @@ class Site:
         self._enough_at = 0.0  # when enough robots to tell were received
         self._began = 0.0  # the process
         self._disk = Disk(folder / "state.db")
-        self._charges: dict[str, Charge] = {}  # as written
+        # As written: by robot its charge, and the components that were never taken.
+        self._written: dict[str, tuple[Charge, set[str]]] = {}
         self._start()
 
     def _start(self) -> None:
@@ -248,8 +249,10 @@ class Site:
         self._disk = Disk(self._disk.path)
         self._disk.load(self._state, self._now())
         self._disk.is_full = is_full
-        for name, charge in self._charges.items():
+        for name, (charge, new) in self._written.items():
             self.robots[name].charge = deepcopy(charge)
+            for component, part in self.robots[name].parts.items():
+                part.is_new = component in new
         self.doubts = self._doubts_itself
         self.ran += seconds + self._stood  # what was written has the time of day alone
         self._began, self._stood = self.ran, 0.0
@@ -263,7 +266,13 @@ class Site:
         self._disk.save(self._state, EventLog(), self._now(), at_once=True)
         assert self._disk.successful is not self._disk.is_full
         if not self._disk.is_full:
-            self._charges = {name: deepcopy(each.charge) for name, each in self.robots.items()}
+            self._written = {
+                name: (
+                    deepcopy(each.charge),
+                    {component for component, part in each.parts.items() if part.is_new},
+                )
+                for name, each in self.robots.items()
+            }
 
     def clock(self, seconds: float) -> None:
         """The exporter's wall clock is set."""
