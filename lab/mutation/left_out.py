@@ -12,6 +12,8 @@ _KINDS = (
     ("NumberReplacer", r"\bexample=[^=]*$", ""),
     ("ReplaceTrueWithFalse", r"\bexample=[^=]*$", ""),
     ("ReplaceFalseWithTrue", r"\bexample=[^=]*$", ""),
+    # Whether a log line has its traceback is chosen.
+    ("ReplaceTrueWithFalse", r"\bexc_info=$", ""),
     # How wide JSON is indented is chosen.
     ("NumberReplacer", r"\bindent=$", ""),
     # How much a cache keeps is chosen.

@@ -42,6 +42,7 @@ def test_each_class_that_is_caught_is_replaced_alone():
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "1.0", False),
         ("ReplaceTrueWithFalse", "        example=True,", "True", True),
         ("ReplaceFalseWithTrue", "        example=True, default=False", "False", False),
+        ("ReplaceTrueWithFalse", 'log.debug("%s", place, exc_info=True)', "True", True),
         ("NumberReplacer", "text = json.dumps(described, indent=2)", "2", True),
         ("NumberReplacer", "@lru_cache(maxsize=4096)", "4096", True),
         ("NumberReplacer", "    deque(maxlen=4096)", "4096", False),

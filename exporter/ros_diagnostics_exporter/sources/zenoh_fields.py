@@ -65,11 +65,11 @@ class ZenohFields:
                 self._topics.pop(name).close()
                 yield
         for name in wanted:
-            if name not in self._topics and now.mono >= self._due.get(name, 0.0):
+            if name not in self._topics and now.mono >= self._due.get(name, now.mono):
                 self._subscribe(name, offers[name], now)
                 yield
         for name, followed in self._topics.items():
-            if now.mono >= self._due.get(name, 0.0):
+            if now.mono >= self._due.get(name, now.mono):
                 self._take(name, followed, now)
                 yield
         rates = self._bytes.rates(now.mono)

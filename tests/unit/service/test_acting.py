@@ -11,8 +11,11 @@ from ros_diagnostics_exporter.acknowledging import (
     plan_downtime,
     silence,
 )
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.event_texts import event_text
-from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.loops import read_clocks
+from ros_diagnostics_exporter.model import Array, Person, Status, Topic
+from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.silences import Alert, Silence, valid
 from support.as_listed import problems, read, read_downtimes
 from support.silences import BEGAN, FAULT, LABELS, SINCE, listed
@@ -179,3 +182,23 @@ def test_just_the_downtime_that_is_meant_is_cancelled():
         with pytest.raises(LookupError, match="no such downtime any more"):
             cancel_downtime(by, "f", other, ANN, NOW + 60)
     assert by.ended == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("robot", "component", "error", "said"),
+    [
+        ("s", "", LookupError, "there is no robot 's'"),
+        ("r", "Arm", LookupError, "r has no component 'Arm'"),
+        ("r", "Motor", ConnectionError, "the exporter runs without --alertmanager.url"),
+        ("r", "", ConnectionError, "the exporter runs without --alertmanager.url"),
+    ],
+)
+def test_a_downtime_is_of_what_is_there_and_needs_alertmanager(
+    tmp_path, robot, component, error, said
+):
+    fleet = Fleet("f", (Robot("r", topic_raw="/r/diagnostics", source=Source.RAW),), exporter="x")
+    service = Service(fleet, tmp_path / "fleet.yml", None)
+    array = Array(0.0, (Status(0, "Motor"),), 100)
+    service.state.receive(Topic(0, "/r/diagnostics"), array, read_clocks())
+    with pytest.raises(error, match=said):
+        service.plan_downtime(robot, component, NOW, 60.0, ANN)

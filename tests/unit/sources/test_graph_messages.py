@@ -17,10 +17,11 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     TRANSITION_TYPE,
     Log,
     Parameters,
+    Stopwatch,
     Transition,
     is_asked_for,
 )
-from ros_diagnostics_exporter.sources.robot_graph import Report
+from ros_diagnostics_exporter.sources.robot_graph import SOON, Report
 
 ALL = Watched(
     logs=True,
@@ -142,6 +143,32 @@ def test_a_parameter_that_is_set_is_an_event(site):
     site.send("/parameter_events", Parameters("/r/amcl", changed))
     expected = ["parameter max_range of amcl is now 10.0", "parameter old of amcl was deleted"]
     assert site.events == expected
+
+
+def test_time_in_which_a_robot_is_not_received_does_not_count():
+    stopwatch = Stopwatch()
+    assert stopwatch.read(5.0) == 0.0
+    assert stopwatch.set(running=True, mono=10.0)
+    assert not stopwatch.set(running=True, mono=12.0)
+    assert stopwatch.set(running=False, mono=15.0)
+    assert stopwatch.read(30.0) == 5.0
+    stopwatch.set(running=True, mono=40.0)
+    assert stopwatch.read(41.0) == 6.0
+
+
+def test_what_a_node_says_is_written_soon(site):
+    """A later process goes on with it; of a parameter nothing lasts."""
+
+    def written() -> list[str]:
+        return [name for name, _learned in site.watch.take_rows({"r"}, site.now)]
+
+    written()
+    site.send("/parameter_events", Parameters("/r/amcl", (("max_range", "10.0"),)))
+    site.go_on(SOON)
+    assert written() == []
+    site.send("/rosout", Log("r.amcl", "out of memory"))
+    site.go_on(SOON)
+    assert written() == ["r"]
 
 
 def test_what_a_person_accepts_or_forgets_of_messages_is_no_problem_any_more(site):

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.decode.messages import (
     UnknownTypeError,
 )
 from ros_diagnostics_exporter.model import Level, Status
+from ros_diagnostics_exporter.sources.topic_entries import Reading, by_robot
 from ros_diagnostics_exporter.sources.topic_fields import NoFieldError, status_of
 
 TYPES = MessageTypes()
@@ -46,6 +47,12 @@ def test_a_number_that_the_robot_does_not_know_has_no_value_and_the_component_sa
 
     assert found.values == (("Charge", "0.5"),)
     assert (found.level, found.message) == (Level.OK, "no value: Temperature, Current")
+
+
+def test_what_was_made_of_messages_is_given_by_robot_without_what_has_no_status():
+    arm, base = Status(0, "Arm"), Status(2, "Base")
+    made = [Reading("r", "Arm", arm), Reading("r", "Odd", None, "why"), Reading("s", "Base", base)]
+    assert by_robot([*made, Reading("r", "Base", base)]) == {"r": [arm, base], "s": [base]}
 
 
 @pytest.mark.parametrize("word", ["1", "CHARGING", "power_supply_status_charging"])
