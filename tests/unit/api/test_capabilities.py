@@ -3,6 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.api.capabilities import capability_tree
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.model import Downtime, Status
 from support.configs import load_text
 from support.state_driver import ERROR, OK, WALL, StateDriver
@@ -56,6 +57,14 @@ def test_each_expression_has_its_parts_and_what_it_needs_of_others(driver):
         "robot": None,
         "capabilities": [capability("a view", "ok", True, 1, [view])],
     }
+
+
+def test_a_robot_has_a_text_of_what_it_can_do_while_it_is_received(driver):
+    driver.raw_every(1, 40, Status(OK, "Laser 1"), Status(OK, "Arm"))
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    assert "view" in robot["capabilities_text"]
+    (robot,) = fleet_snapshot(driver.at(100).state, driver.now)["robots"]
+    assert (robot["up"], robot["capabilities_text"]) == (False, "")
 
 
 def test_what_was_never_received_is_missing(driver):

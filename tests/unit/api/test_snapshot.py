@@ -184,6 +184,15 @@ def test_a_value_has_its_thresholds_and_a_problem_beyond_them():
     assert (beyond["scope"], beyond["key"], beyond["bound"]) == ("value", "Voltage", "low")
 
 
+@pytest.mark.parametrize(("text", "has_any"), [("n/a", True), ("12.1", True), ("[1, 2]", False)])
+def test_a_text_that_is_no_number_has_the_thresholds_that_it_is_not_judged_by(text, has_any):
+    """Of a list each number has its own."""
+    rule = ValueRule(key=Pattern("Voltage"), thresholds=(Threshold("low", "critical", 10.0),))
+    driver = StateDriver(values=(rule,)).raw(Status(OK, "Battery", values=(("Voltage", text),)))
+    (voltage,) = robot(driver)["components"][0]["values"]
+    assert ("thresholds" in voltage) is has_any
+
+
 def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
     made = Robot(
         "r",
