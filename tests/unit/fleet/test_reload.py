@@ -289,6 +289,7 @@ def test_an_aggregate_shared_by_robots_is_complete_for_each_of_them():
     assert driver.sample("component_level", robot="r1", component="Laser") == STALE
     assert driver.sample("component_level", robot="r1", component="Motor 1", group="/Motor") == OK
     assert driver.sample("component_level", robot="r2", component="Motor 2") == OK
+    assert {level for level, _text in driver.state.robots["r1"].groups.values()} == {OK}
 
 
 def test_a_robot_of_a_shared_topic_takes_nothing_from_another_topic():

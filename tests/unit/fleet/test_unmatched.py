@@ -119,6 +119,20 @@ def test_a_value_with_thresholds_that_is_no_number_is_reported(tmp_path, caplog,
     assert f"unmatched (1):\n  {said}" in capsys.readouterr().out
 
 
+def test_a_topic_of_which_no_robot_has_a_component_is_reported(tmp_path):
+    topics = "topics: [{topic: e_stop, component: E-Stop, field: data, error_when: 1}]"
+    driver = driver_of(tmp_path, MATCHING.replace("    checks:", f"    {topics}\n    checks:"))
+    for at in range(30, 2 * int(GRACE), 30):
+        driver.at(at)
+        driver.raw(MOTOR)
+    said = [(each.what, each.entry, each.why) for each in driver.state.unmatched.entries]
+    assert said == [("topic", "e_stop: E-Stop", "is received of no robot")]
+
+
+def test_without_profiles_there_is_no_entry_that_could_match_nothing():
+    assert received(StateDriver(), 2 * GRACE) == []
+
+
 def test_the_five_minutes_are_over_at_their_end():
     watch, entry = UnmatchedWatch(), Unmatched("check", "motors: Mottor")
     reported = []
