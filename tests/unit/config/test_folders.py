@@ -46,8 +46,9 @@ def test_robot_that_leaves_while_the_folder_is_read_is_gone(fleet_of, monkeypatc
         return yaml_file.read(path)
 
     monkeypatch.setattr("ros_diagnostics_exporter.config.load.read", read_late)
-    fleet = fleet_of(A, **{"robots.d/b.yml": "{name: b, domain_id: 2}"})
-    assert [robot.name for robot in fleet.robots] == ["a"]
+    files = {f"robots.d/{name}.yml": f"{{name: {name}, domain_id: 2}}" for name in "bc"}
+    fleet = fleet_of(A, **files)
+    assert [robot.name for robot in fleet.robots] == ["a", "c"]
     assert tmp_path / "robots.d/b.yml" not in fleet.sources
 
 

@@ -189,6 +189,16 @@ def test_what_is_not_a_regular_file_is_an_error_and_does_not_block(fleet_of, tmp
     assert len(caught.value.problems) == 1
 
 
+def nested(depth: int) -> str:
+    return f"profiles: {{default: {{capabilities: {{a: {'{all: [' * depth}x{']}' * depth}}}}}}}"
+
+
+def test_ten_levels_of_lists_may_be_within_the_list_of_a_capability(fleet_of):
+    assert fleet_of(f"fleet: demo\n{nested(11)}").profiles["default"].capabilities
+    with pytest.raises(ConfigError, match="lists are nested deeper than 10 levels"):
+        fleet_of(f"fleet: demo\n{nested(12)}")
+
+
 @pytest.mark.parametrize(
     ("problem", "number", "more"),
     [("key_{}: 1\n", 60_000, "and at least 980 more"), ("- nam: {}\n", 2_000, "and at least 9")],
@@ -203,6 +213,9 @@ def test_a_list_of_many_problems_is_cut(fleet_of, problem, number, more):
     assert last.endswith("more problems, listed once these are fixed")
     assert len(str(caught.value)) < 20_000
     assert len(caught.value.text(3).splitlines()) == 4
+    known = len(caught.value.problems)
+    assert caught.value.text(known - 1).splitlines()[-1].startswith("and at least 1 more")
+    assert "more problems" not in caught.value.text(known)
 
 
 def test_too_many_values_are_rejected_before_they_take_memory(fleet_of, monkeypatch):

@@ -107,3 +107,8 @@ def test_schema_accepts_whatever_loads(load_data, entry):
     except ConfigError:
         return
     VALIDATOR.validate(data)
+
+
+def test_a_default_is_as_it_is_written_in_the_file_or_not_there():
+    assert DEFINITIONS["Discovery"]["properties"]["domain_ids"]["default"] == [0]
+    assert "default" not in DEFINITIONS["Profile"]["properties"]["stale_is_critical"]
