@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.api.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Shared
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.storage.earlier import decoded
 from support.state_driver import ERROR, OK, STALE, StateDriver, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
@@ -166,3 +167,8 @@ def test_a_file_cut_off_anywhere_is_survived(whole, tmp_path):
         folder.mkdir()
         (folder / "state").write_bytes(raw[:length])
         use(folder)
+
+
+@pytest.mark.parametrize("text", [None, 7, b"\xff", "", "{", "NaN", '{"level": Infinity}'])
+def test_what_is_no_json_is_no_content(text):
+    assert decoded(text) is None
