@@ -1,3 +1,4 @@
+import asyncio
 import base64
 import threading
 
@@ -6,7 +7,7 @@ import pytest
 
 from ros_diagnostics_exporter import rejected_logins
 from ros_diagnostics_exporter.web import middleware
-from ros_diagnostics_exporter.web.middleware import Buckets
+from ros_diagnostics_exporter.web.middleware import Buckets, Logins
 from ros_diagnostics_exporter.web.server import Server
 from support.web_server import FakeBackend, ask, reloaded, wait_until
 
@@ -82,6 +83,22 @@ def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
     for _ in range(2):
         assert ask(server, "/metrics", Authorization=basic("alice", "wrong")).status == 401
     assert len(computed) == 3
+
+
+def test_of_too_many_valid_logins_the_first_is_forgotten(monkeypatch):
+    monkeypatch.setattr(middleware, "CACHED_LOGINS", 2)
+    users = {name: hashed(name) for name in "abc"}
+    logins = Logins()
+
+    async def known() -> list[bool]:
+        for name in users:
+            assert await logins.allows(users, basic(name, name))
+        return [await logins.allows(users, basic(each, each), only_known=True) for each in users]
+
+    try:
+        assert asyncio.run(known()) == [False, True, True]
+    finally:
+        logins.close()
 
 
 def test_an_unknown_user_costs_as_much_as_a_known_one():
