@@ -1,9 +1,11 @@
-"""Runs a bench here and at another commit, in turns, and prints the ratios of each line.
+"""Runs a bench here and with the exporter of another commit, in turns; prints each line's ratio.
 
 `./run bench NAME --against COMMIT` does this. The commit is unpacked into a temporary folder, and
-its own bench of that name measures it with this checkout's Python packages. Lines that begin with
-the same text are compared number by number, up to the first word after them. Of several turns the
-least counts: what else runs only makes it slower.
+its exporter is measured by this checkout's bench, so that both are asked for the same. With
+`--own-bench` the commit's own bench measures it: for a bench that uses parts of the exporter which
+that commit has in another form. Lines that begin with the same text are compared number by number,
+up to the first word after them. Of several turns the least counts: what else runs only makes it
+slower.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from pathlib import Path
 
 from testbed.configuration import CHECKOUT
 
-FOLDERS = ("exporter", "sim", "lab", "tests")  # what a bench imports; older commits have no lab
+FOLDERS = ("sim", "lab", "tests")  # what a bench imports; older commits have no lab
 LINE = re.compile(r"(?P<what>\S.*?)(?: +\(target[^)]*\))?(?P<numbers>(?:\s{2,}[0-9.]+%?(?!\S))+)")
 
 
@@ -29,9 +31,12 @@ def unpack(commit: str, folder: Path) -> None:
     subprocess.run(["tar", "-x", "-C", str(folder)], input=packed, check=True)
 
 
-def measure(bench: str, options: list[str], checkout: Path) -> dict[str, list[float]]:
-    """The numbers of each line that a checkout's bench prints; prints the lines."""
-    paths = os.pathsep.join(str(checkout / folder) for folder in FOLDERS)
+def measure(
+    bench: str, options: list[str], measured: Path, checkout: Path
+) -> dict[str, list[float]]:
+    """The numbers of each line that a checkout's bench prints of an exporter; prints the lines."""
+    folders = (measured / "exporter", *(checkout / folder for folder in FOLDERS))
+    paths = os.pathsep.join(map(str, folders))
     program = [sys.executable, "-m", f"bench.{bench}", *options]
     environment = {**os.environ, "PYTHONPATH": paths}
     found: dict[str, list[float]] = {}
@@ -53,15 +58,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bench")
     parser.add_argument("--against", metavar="COMMIT", required=True)
+    parser.add_argument("--own-bench", action="store_true", help="that of the commit measures it")
     parser.add_argument("--turns", type=int, default=2, help="of each of both")
     options, of_bench = parser.parse_known_args()
     least: tuple[dict[str, list[float]], dict[str, list[float]]] = {}, {}
     with tempfile.TemporaryDirectory() as folder:
         unpack(options.against, Path(folder))
         for _ in range(options.turns):
-            for found, checkout in zip(least, (CHECKOUT, Path(folder)), strict=True):
-                print(f"--- {'here' if checkout is CHECKOUT else options.against}")
-                for what, numbers in measure(options.bench, of_bench, checkout).items():
+            for found, measured in zip(least, (CHECKOUT, Path(folder)), strict=True):
+                print(f"--- {'here' if measured is CHECKOUT else options.against}")
+                checkout = measured if options.own_bench else CHECKOUT
+                for what, numbers in measure(options.bench, of_bench, measured, checkout).items():
                     found[what] = [*map(min, numbers, found.get(what, numbers))]
     print(f"--- here, in multiples of {options.against}")
     here, there = least
