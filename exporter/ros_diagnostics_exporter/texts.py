@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
+from math import isfinite
 from typing import Any
 
 MOST_COMPARED = 1000  # names among which the nearest is looked for: a comparison is expensive
@@ -50,6 +51,13 @@ def escape(text: str) -> str:
 def encodable(text: str) -> str:
     """``text`` as UTF-8 has it, and thus Prometheus, SQLite: lone surrogates are replaced."""
     return text if text.isascii() else text.encode("utf-8", "replace").decode()
+
+
+def as_sample(value: float) -> str:
+    """A sample's value: the shortest digits that mean the same float."""
+    if isfinite(value):
+        return repr(value)
+    return "NaN" if value != value else ("+Inf" if value > 0 else "-Inf")  # noqa: PLR0124
 
 
 def to_json(content: Any) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
-from math import isfinite
 from operator import attrgetter, itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile
@@ -22,19 +21,12 @@ from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.missions import Missions
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
-from ros_diagnostics_exporter.texts import escape, one_line
+from ros_diagnostics_exporter.texts import as_sample, escape, one_line
 
 # What the labels of components and values have.
 _NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
 STATES = {state: number for number, state in enumerate(CAPABILITY_STATES)}
 LEVELS = tuple(level.name.lower() for level in Level)
-
-
-def number(value: float) -> str:
-    """A sample's value: the shortest digits that mean the same float."""
-    if isfinite(value):
-        return repr(value)
-    return "NaN" if value != value else ("+Inf" if value > 0 else "-Inf")  # noqa: PLR0124
 
 
 class _Values:
@@ -60,8 +52,8 @@ class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock.
 
     ``chunks`` and ``series`` are by family: its samples, and how many these are. ``changed`` are
-    the families whose chunks are others than when it was last cleared. ``levels`` is how many
-    components stand at each level.
+    the families whose chunks may be others than when it was last cleared, and those that count
+    robots or components. ``levels`` is how many components stand at each level.
     """
 
     def __init__(self, fleet: str, exporter: str, robot: RobotState, state: FleetState) -> None:
@@ -164,7 +156,7 @@ class RobotText:
         self.changed.add(family.name)
 
     def _one(self, family: Family, value: float, labels: str = "") -> str:
-        return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
+        return f"{family.name}{{{self._base}{labels}}} {as_sample(value)}\n"
 
     # -- series -------------------------------------------------------------------------
 
@@ -212,7 +204,7 @@ class RobotText:
             self._set(
                 family,
                 (
-                    f"{start}{labels}}} {number(own)}\n"
+                    f"{start}{labels}}} {as_sample(own)}\n"
                     for each, labels in labelled
                     if (own := find(each, profile)) is not None
                 ),
@@ -223,7 +215,7 @@ class RobotText:
             family,
             (
                 f'{start}{labels},key="{escape(value.key)}",unit="{escape(value.unit)}"'
-                f',bound="{bound.bound}",severity="{bound.severity}"}} {number(bound.value)}\n'
+                f',bound="{bound.bound}",severity="{bound.severity}"}} {as_sample(bound.value)}\n'
                 for each, labels in labelled
                 for value in (each.values.all if each.values.judges else ())
                 if value.rule is not None
@@ -265,6 +257,7 @@ class RobotText:
             "address": settings.address or "",
         }
         labels = _pairs({**settings.labels, **fixed})
+        self.changed.add(metrics.SITE_RECEIVED.name)
         self._set_one(metrics.ROBOT_INFO, 1, self._exporter_label + labels)
         for family, value in (
             (metrics.ROBOT_STALE_AFTER, profile.stale_after),
@@ -314,6 +307,7 @@ class RobotText:
         if presence == self._presence:
             return False
         self._presence = presence
+        self.changed.add(metrics.SITE_RECEIVED.name)
         self._set_one(metrics.ROBOT_UP, float(up), self._exporter_label)
         if reason is not None:
             self._reasons.add(reason)
@@ -426,13 +420,13 @@ class RobotText:
             states.append(self._one(metrics.CHECK_STATE, state, labels))
             if check == ALL:
                 self.levels = counts
+                self.changed.add(metrics.FLEET_COMPONENTS.name)
         self._set(metrics.CHECK_COMPONENTS, counted)
         self._set(metrics.CHECK_STATE, states)
 
     def _render_values(self) -> None:
         for name, values in self._values.items():
-            numbers = [value.number for value in values.values]
-            texts = map(repr if all(map(isfinite, numbers)) else number, numbers)
+            texts = map(attrgetter("text"), values.values)
             rows = zip(values.labels, values.own, texts, strict=True)
             start = name + self._begin
             self._set_chunk(name, [f"{start}{labels}{own}{text}\n" for labels, own, text in rows])

@@ -20,14 +20,14 @@ from ros_diagnostics_exporter.firing import REMOVED, SEPARATOR, THE_ROBOT
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import LEVELS, STATES, RobotText, number
+from ros_diagnostics_exporter.metrics.cache import LEVELS, STATES, RobotText
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.silences import Acknowledgement, identity_of
-from ros_diagnostics_exporter.texts import encodable, escape, first_few, one_line
+from ros_diagnostics_exporter.texts import as_sample, encodable, escape, first_few, one_line
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {
@@ -165,7 +165,7 @@ def _notified(
 
 def _sample(family: Family, labels: str, more: Mapping[str, str], value: float = 1) -> str:
     further = label_pairs(more)
-    return f"{family.name}{{{labels}{further and ','}{further}}} {number(round(value, 3))}\n"
+    return f"{family.name}{{{labels}{further and ','}{further}}} {as_sample(round(value, 3))}\n"
 
 
 def label_pairs(labels: Mapping[str, str]) -> str:
@@ -210,6 +210,11 @@ class Exposition:
         self._faults = FaultText()
         self._lock = threading.Lock()
         self._series: dict[Part, dict[str, int]] = {}
+        # Families that count robots, or what they have: robots' texts say when a count may differ.
+        self._counts = {
+            metrics.SITE_RECEIVED.name: self._received,
+            metrics.FLEET_COMPONENTS.name: self._components,
+        }
 
     @property
     def series(self) -> dict[str, int]:
@@ -249,30 +254,36 @@ class Exposition:
     def _gather(self, name: str) -> _Gathered:
         """One family of all robots, kept until one of them has changed."""
         texts = self._texts.values()
-        found = self._gathered[name] = _Gathered(
-            [chunk for each in texts if (chunk := each.chunks.get(name))],
-            sum([each.series.get(name, 0) for each in texts]),
-        )
+        if name in self._counts:
+            text = self._counts[name]()
+            found = _Gathered([text] if text else [], text.count(b"\n"))
+        else:
+            found = _Gathered(
+                [chunk for each in texts if (chunk := each.chunks.get(name))],
+                sum([each.series.get(name, 0) for each in texts]),
+            )
+        self._gathered[name] = found
         return found
 
     def _more(self, parts: Collection[Part]) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
         fleet, (faults, ends) = self._state.fleet, self._state.served()
         acknowledged, notified = self._acknowledged(), self._notified()
+        of_faults = self._faults.render(
+            fleet.name,
+            fleet.exporter,
+            faults,
+            ends,
+            acknowledged,
+            notified=notified,
+            parts=parts,
+        )
+        if Part.FAULTS not in parts:
+            return of_faults
         return {
             metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
-            **self._faults.render(
-                fleet.name,
-                fleet.exporter,
-                faults,
-                ends,
-                acknowledged,
-                notified=notified,
-                parts=parts,
-            ),
+            **of_faults,
             metrics.FAULT_MEMBER.name: self._members(faults),
-            metrics.SITE_RECEIVED.name: self._received(),
-            metrics.FLEET_COMPONENTS.name: self._components(),
             **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
             metrics.DOWNTIME_END.name: self._downtimes(),
         }

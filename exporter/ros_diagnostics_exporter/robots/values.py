@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.robots.units import canonical_unit, unit_in_name
+from ros_diagnostics_exporter.texts import as_sample
 
 MAX_ELEMENTS = 32  # of one list; a longer one is a dump, not a measurement
 
@@ -154,17 +155,22 @@ FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for i
 class ExportedValue:
     """One number as it is exported; ``metric`` is the name that the config gives it, or None.
 
-    ``rejected``: it has another unit than at first and is not exported. ``plain``: a text without a
-    unit changes nothing but the number.
+    ``text`` is that of its sample. ``rejected``: it has another unit than at first and is not
+    exported. ``plain``: a text without a unit changes nothing but the number.
     """
 
     key: str
     unit: str
-    number: float
+    text: str
     metric: str | None = None
     rule: ValueRule | None = None
     rejected: bool = False
     plain: bool = False
+
+    @property
+    def number(self) -> float:
+        """What the text means."""
+        return float(self.text)
 
     @property
     def series(self) -> int:
@@ -176,10 +182,11 @@ class ExportedValue:
     @property
     def beyond(self) -> list[Threshold]:
         """Its thresholds that it is beyond."""
+        number = self.number
         return [
             each
             for each in (() if self.rule is None else self.rule.thresholds)
-            if (self.number < each.value if each.bound == "low" else self.number > each.value)
+            if (number < each.value if each.bound == "low" else number > each.value)
         ]
 
 
@@ -236,7 +243,7 @@ class ComponentValues:
     def would_be_beyond(self, pairs: Pairs) -> bool:
         """Whether a number of other key-values would be beyond a threshold."""
         return any(
-            ExportedValue(key, unit, number, rule=self.rule_of(pair[0])).beyond
+            ExportedValue(key, unit, as_sample(number), rule=self.rule_of(pair[0])).beyond
             for pair in pairs
             for key, unit, number in self._read(*pair)
         )
@@ -254,7 +261,9 @@ class ComponentValues:
         """Set the numbers of the last status, unless they are set already."""
         if not self._parsed:
             self._parsed = True
-            self._set(tuple(self._pairs))
+            pairs = tuple(self._pairs)
+            if not (self._all_plain and self._set_plain(pairs)):
+                self._set(pairs)
 
     def clear(self) -> None:
         """Remove the numbers and their series, but not their units."""
@@ -268,8 +277,6 @@ class ComponentValues:
 
         ``old`` are the key-values that are parsed, which need not be again; () where not known.
         """
-        if self._all_plain and not old and self._set_plain(pairs):
-            return True
         changed = False
         if len(self._keys) == len(pairs):
             rows = self._slots()
@@ -281,7 +288,7 @@ class ComponentValues:
                 slots = rows[row]
                 value = slots[0] if len(slots) == 1 else None
                 if value is not None and value.plain and is_plain(pair[1]):
-                    value.number = float(pair[1])
+                    value.text = pair[1]
                 elif not self._update_row(slots, pair):
                     break
                 changed = True
@@ -292,13 +299,12 @@ class ComponentValues:
         return True
 
     def _set_plain(self, pairs: Pairs) -> bool:
-        """Set the numbers of key-values as most are; False, with some of them set, of others."""
-        if len(self._keys) != len(pairs):
+        """Set the numbers of key-values as most are; False of others."""
+        keys, texts = zip(*pairs, strict=True) if pairs else ((), ())
+        if keys != self._keys or not all(map(is_plain, texts)):
             return False
-        for value, key, (name, text) in zip(self._all or (), self._keys, pairs, strict=True):
-            if key != name or not is_plain(text):
-                return False
-            value.number = float(text)
+        for value, text in zip(self._all or (), texts, strict=True):
+            value.text = text
         return True
 
     def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
@@ -332,7 +338,7 @@ class ComponentValues:
             elif number.unit != value.unit and math.isfinite(number.value):
                 return False
             else:
-                value.number = number.value
+                value.text = as_sample(number.value)
         return True
 
     def _stays_rejected(self, value: ExportedValue | None, number: Number) -> bool:
@@ -368,6 +374,8 @@ class ComponentValues:
         for value in numbers if rule is None and len(numbers) == 1 else ():
             if value is not None and not value.rejected:
                 value.plain = value.unit == unit_in_name(found[0].key)
+                if value.plain and is_plain(pair[1]):
+                    value.text = pair[1]
         return numbers
 
     def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
@@ -411,7 +419,8 @@ class ComponentValues:
             return None
         key = unique_name(truncate(number.key, self.limits.label_length), taken, "#")
         unit = self._unit(key, number)
-        value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
+        text = as_sample(number.value)
+        value = ExportedValue(key, unit, text, rule.metric if rule else None, rule)
         if unit != number.unit and math.isfinite(number.value):
             value.rejected = True
             self.reject("unit_changed", key)

@@ -93,7 +93,7 @@ def test_a_number_is_scaled_before_the_offset_is_added():
 def test_a_number_at_its_threshold_is_not_beyond_it(bound):
     rule = ValueRule(thresholds=(Threshold(bound, "warning", 5.0),))
 
-    found = [bool(ExportedValue("k", "", number, rule=rule).beyond) for number in (4, 5, 6)]
+    found = [bool(ExportedValue("k", "", text, rule=rule).beyond) for text in ("4", "5", "6")]
 
     assert found == [bound == "low", False, bound == "high"]
 
