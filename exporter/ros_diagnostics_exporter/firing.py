@@ -10,7 +10,15 @@ import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, severity_of
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.faults.model import (
+    Fault,
+    Identity,
+    Scope,
+    State,
+    exporter_of,
+    severity_of,
+)
 from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment, since_text
 
 EVIDENCE_LENGTH = 640
@@ -25,22 +33,23 @@ _PREFIX = "Last received: "  # of the rules
 _OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}
 
 
-def read(alerts: Iterable[Alert], fleet: str, exporter: str) -> list[Fault]:
+def read(alerts: Iterable[Alert], fleet: Fleet) -> list[Fault]:
     """The faults of a fleet that fire; of what is of no robot, those of this exporter's name."""
-    found = (_one(alert, fleet, exporter) for alert in alerts)
+    found = (_one(alert, fleet) for alert in alerts)
     return [fault for fault in found if fault is not None]
 
 
-def _one(alert: Alert, fleet: str, exporter: str) -> Fault | None:
+def _one(alert: Alert, fleet: Fleet) -> Fault | None:
     labels, (_since, *known) = alert.labels, alert.annotations.get("evidence", "").split(SEPARATOR)
     try:
         identity, since = _identity(labels), moment(since_text(alert.annotations))
     except (KeyError, ValueError):
         return None  # no alert as the rules make them
-    is_ours = bool(identity.robot) or labels.get("exporter", "") == exporter
+    named = labels.get("exporter", "")
+    is_ours = bool(identity.robot) or named == exporter_of(fleet, identity)
     is_over = bool(known) and _OF_END.fullmatch(known[-1].removeprefix(_PREFIX)) is not None
     is_wrong = severity_of(identity) != labels["severity"] or is_over
-    if labels.get("fleet") != fleet or not is_ours or is_wrong or since is None:
+    if labels.get("fleet") != fleet.name or not is_ours or is_wrong or since is None:
         return None
     own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
     can = known.pop() if known and known[-1].startswith(THE_ROBOT) else ""

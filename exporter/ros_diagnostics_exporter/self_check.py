@@ -39,6 +39,7 @@ class SelfCheck:
         parts = [*self._files(now), *self._servers(now), *self._domains(), *self._loops(now)]
         guessed = self._exporter.rejected_logins.reason(now.mono)
         parts.append(_warning("logins", guessed, is_wrong=bool(guessed), confirm_after=0.0))
+        parts += self._shards()
         parts += [self._unmatched(now), self._robots(now), self._series(), self._rejections(now)]
         return [
             each._replace(message=f"{each.message};\non host {self._host}")
@@ -92,6 +93,19 @@ class SelfCheck:
                 hangs = now.wall - max(loop.last_turn, self._started.wall) > most
                 why = f"it has done nothing for {most:.0f} s: it hangs, or fails each time"
                 yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
+
+    def _shards(self) -> Iterator[OwnReport]:
+        others = self._exporter.others
+        if others is None:
+            return
+        level, why = Level.OK, ""
+        if others.error:
+            level, why = Level.WARN, f"what the others count is not known: {others.error}"
+        elif others.missing and others.is_first:
+            flags = _named([f"--shard={each}" for each in others.missing])
+            what = "its robots are monitored by nobody; start it, and list it for Prometheus"
+            level, why = Level.ERROR, f"there is no exporter with {flags}: {what}"
+        yield OwnReport("shards", level, why, SLOW)
 
     def _unmatched(self, now: Instant) -> OwnReport:
         state = self._exporter.state  # without robots that is what is wrong

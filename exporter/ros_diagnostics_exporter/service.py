@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import EOF, SelfMetrics
 from ros_diagnostics_exporter.metrics.week import Week
 from ros_diagnostics_exporter.model import Part, Person
 from ros_diagnostics_exporter.notifications import parse, restored
+from ros_diagnostics_exporter.other_exporters import OtherExporters
 from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
 from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.self_check import SelfCheck
@@ -108,6 +109,10 @@ class Service:
         ]
         if self._recordings is not None:
             self._others.append(self._recordings_loop)
+        self.others: OtherExporters | None = None
+        if fleet.shard is not None:
+            self.others = OtherExporters(self.state, fleet.shard, prometheus, read_clocks)
+            self._others.append(Loop("shards", self.others.INTERVAL, self.others.turn))
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
@@ -241,7 +246,7 @@ class Service:
         except UnreachableError as error:
             log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
             return
-        faults = read_firing(firing, self.state.fleet.name, self.state.fleet.exporter)
+        faults = read_firing(firing, self.state.fleet)
         self.state.adopt(self._forgetting.without_forgotten(faults), read_clocks())
 
     def tick(self) -> None:
@@ -250,7 +255,8 @@ class Service:
         self.state.tick(now)
         if now.mono >= self._check_at:
             self._check_at = now.mono + self.CHECK
-            self.state.report_own(self._self_check.reports(now), now)
+            reports = self._self_check.reports(now)
+            self.state.judge(lambda of: of.own(reports, now))
         self.canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self.reloader.tick()
@@ -271,8 +277,7 @@ class Service:
         """An event with the id of the fault that it is of."""
         if event.since is None:
             return event
-        fleet = self.state.fleet
-        return replace(event, fault=fault_of(fleet.name, fleet.exporter, asdict(event)))
+        return replace(event, fault=fault_of(self.state.fleet, asdict(event)))
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -362,7 +367,7 @@ class Service:
     def _lasting(self) -> dict[str, Fault]:
         """The faults that last, by id."""
         fleet, lasting = self.state.fleet, self.state.faults()
-        return {fault_id(fleet.name, fleet.exporter, each.identity): each for each in lasting}
+        return {fault_id(fleet, each.identity): each for each in lasting}
 
     def last_event(self) -> int:
         """The id of the last event."""

@@ -213,7 +213,8 @@ class World:
             if (self.tick + number) % self.story.period == 0:
                 self._publish(name)
         if self.state is not None:
-            self.state.report_own(self.own.reports(self.now.mono), self.now)
+            reports, now = self.own.reports(self.now.mono), self.now
+            self.state.judge(lambda of: of.own(reports, now))
             self.state.tick(self.now)
         self._note_quiet()
 

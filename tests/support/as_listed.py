@@ -4,6 +4,7 @@ from typing import Any
 
 from ros_diagnostics_exporter import acknowledging, firing, silences
 from ros_diagnostics_exporter.acknowledging import Acknowledgeable
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.faults.model import Fault
 from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.silences import Acknowledgement, Alert, Forgotten, Silence, valid
@@ -22,7 +23,7 @@ def read_forgotten(listed: Any, fleet: str) -> list[Forgotten]:
 
 
 def read_firing(listed: Any, fleet: str, exporter: str) -> list[Fault]:
-    return firing.read(valid(Alert, listed), fleet, exporter)
+    return firing.read(valid(Alert, listed), Fleet(fleet, exporter=exporter))
 
 
 def problems(listed: Any) -> list[Acknowledgeable]:

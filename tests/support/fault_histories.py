@@ -268,7 +268,7 @@ def assert_views_agree(player: Player) -> None:
         assert sorted(faults.identities(robot)) == problems
         assert faults.in_trouble(robot) is bool(problems)
         parts = {ComponentName(each.group, each.component) for each in problems}
-        for name in faults.component_names(robot):
+        for name in faults._book.robots[robot].components:
             assert faults.in_trouble(robot, name) is (name in parts)
     player.shown |= {
         each: faults.followed(each) for each in faults.take_followed() if each in robots

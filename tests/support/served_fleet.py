@@ -95,6 +95,7 @@ class ServedFleet:
             scrapes=0,
             scrape_seconds=0.0,
             week=None,
+            others=None,
         )
         needed = {name for name in {*Exporter.__annotations__, *vars(Exporter)} if name[0] != "_"}
         assert needed <= vars(stand_in).keys(), needed - vars(stand_in).keys()

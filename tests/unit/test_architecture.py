@@ -39,7 +39,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("notifications",),
         ("canary",),
         ("fleet",),
-        ("recordings", "storage"),
+        ("other_exporters", "recordings", "storage"),
         ("metrics",),
         ("comparing", "forgetting", "self_check"),
         ("joining",),

@@ -175,7 +175,7 @@ def faults(state: FleetState, now: Instant, care: Care = NOBODY) -> dict[str, An
 
 
 def _id(fleet: Fleet, identity: Identity) -> str:
-    return fault_id(fleet.name, fleet.exporter, identity)
+    return fault_id(fleet, identity)
 
 
 def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:

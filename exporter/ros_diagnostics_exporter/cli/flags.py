@@ -12,6 +12,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from ros_diagnostics_exporter import __version__, durations
+from ros_diagnostics_exporter.config import shard
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.logs import FORMATS
 
 DEFAULT_ADDRESS = ":9877"
@@ -65,6 +67,11 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error("give --prometheus.user or --prometheus.bearer-token-file, not both")
     if options.web_enable_actions and not options.alertmanager_url:
         parser.error("--web.enable-actions needs --alertmanager.url: acknowledgements are there")
+    if options.shard and not (options.alertmanager_url and options.prometheus_url):
+        parser.error(
+            "--shard needs --alertmanager.url and --prometheus.url: exporters learn there which "
+            "faults their robots had before, and what the robots of the others have in common"
+        )
     if options.web_systemd_socket and options.web_listen_address:
         parser.error("give --web.listen-address or --web.systemd-socket, not both")
     if options.live and not options.config_check:
@@ -96,6 +103,13 @@ def _add_fleet(parser: argparse.ArgumentParser) -> None:
         "the fleet's configuration: robots, discovery, profiles (default: %(default)s)",
         default=Path("fleet.yml"),
         **_FILE,
+    )
+    add(
+        "--shard",
+        "serve one part of the robots, such as 2/4 for the second of four exporters that share "
+        "one fleet.yml; needs --alertmanager.url and --prometheus.url (default: all robots)",
+        type=_shard,
+        metavar="NUMBER/COUNT",
     )
     add(
         "--config.check",
@@ -246,6 +260,13 @@ def _storage_path(text: str) -> Path | None:
             f"{text!r} is not the name of a file; with {NO_STORAGE} nothing is stored"
         )
     return None if text == NO_STORAGE else Path(text)
+
+
+def _shard(text: str) -> Shard:
+    try:
+        return shard.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _duration(text: str) -> float:

@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    fleet = load(options.config_file)
+    fleet = load(options.config_file, options.shard)
     print(describe(fleet), end="")  # noqa: T201
     LiveWebConfig(options.web_config_file)
     if options.live:
@@ -131,7 +131,7 @@ def _check(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     listen = _listen(options)
-    fleet = load(options.config_file)
+    fleet = load(options.config_file, options.shard)
     for warning in fleet.warnings:
         log.warning(warning)
     if any(each != ZENOH for each in fleet.domain_ids):

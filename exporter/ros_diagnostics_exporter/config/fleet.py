@@ -5,9 +5,10 @@ or in the file of its part, as a field that is `described`; what loads, checks a
 follows from that.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from functools import cached_property
+from itertools import starmap
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -66,7 +67,9 @@ from ros_diagnostics_exporter.config.scalars import (
     TimeZone,
     WeeklyTimes,
 )
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.model import ZENOH, Domain
+from ros_diagnostics_exporter.model import Topic as DdsTopic
 
 __all__ = [
     "AGGREGATED",
@@ -323,6 +326,34 @@ class Fleet(Entry, title="FleetFile"):
     sources: tuple[Path, ...] = field(
         default=(), compare=False
     )  # the files and folders it is read from
+    shard: Shard | None = None  # of the exporters that share the file: `part`
+
+    @property
+    def together(self) -> str:
+        """The name by which exporters judge what concerns robots of several of them."""
+        return self.exporter if self.shard is None else self.shard.together
+
+    def has(self, robot: str) -> bool:
+        """Whether a robot of this name is one of this exporter's."""
+        return self.shard is None or self.shard.has(robot)
+
+    def part(self, shard: Shard) -> "Fleet":
+        """What the exporter of a shard has of the fleet, by a name of its own."""
+        entries: Iterable[Robot | Discovery | Shared]
+        entries = (*self.robots, *self.discoveries, *self.shared)
+        own = replace(
+            shard,
+            together=self.exporter or "shard",
+            uplinks=frozenset(each.labels["uplink"] for each in entries if "uplink" in each.labels),
+        )
+        others = [each for each in self.robots if not own.has(each.name)]
+        topics = [(each.domain_id, topic) for each in others for topic in each.topics]
+        return replace(
+            self,
+            robots=tuple(each for each in self.robots if own.has(each.name)),
+            exporter=own.name,
+            shard=replace(own, elsewhere=frozenset(starmap(DdsTopic, topics))),
+        )
 
     @property
     def longest_confirm_after(self) -> float:

@@ -36,6 +36,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.keys import Entry, validated
 from ros_diagnostics_exporter.config.lint import lint
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.config.validate import (
     Checked,
     Placed,
@@ -54,18 +55,19 @@ FOLDERS = {"robots": "robots.d", "maintenance": "maintenance.d", "queries": "que
 T = TypeVar("T", bound=Entry)
 
 
-def load(path: Path) -> Fleet:
-    """Read fleet.yml at `path` and the folders that it names.
+def load(path: Path, shard: Shard | None = None) -> Fleet:
+    """Read fleet.yml at `path` and the folders that it names; of several exporters one's part.
 
     Raises:
         ConfigError: the config cannot be used; its text has one line for each problem.
     """
     document, problems = read(path)
     sources = [path]
-    fleet = _fleet(_Reading(document, sources, problems)) if document else None
+    fleet = _fleet(_Reading(document, sources, problems), shard) if document else None
     if problems or fleet is None:
         raise ConfigError(problems, sources)
-    return replace(fleet, sources=tuple(sources))
+    fleet = replace(fleet, sources=tuple(sources))
+    return fleet if shard is None else fleet.part(shard)
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -82,7 +84,7 @@ def files_of(folder: Path) -> list[Path]:
     return [each for each in listed if each.suffix in _SUFFIXES and not each.name.startswith(".")]
 
 
-def _fleet(reading: _Reading) -> Fleet | None:
+def _fleet(reading: _Reading, shard: Shard | None) -> Fleet | None:
     """The Fleet that fleet.yml and its folders describe; problems are added to the reading's."""
     document, problems = reading.document, reading.problems
     if not isinstance(document.data, dict):
@@ -104,6 +106,10 @@ def _fleet(reading: _Reading) -> Fleet | None:
         of_robots = {name for each in profiles.values() for name in each.capabilities}
         for name, what, remedy in wrong_names(top.capabilities, of_robots=of_robots):
             problems.append(document.problem(("capabilities", name), what, remedy))
+    if top.capabilities and shard is not None:
+        what = "need all robots, and --shard gives each exporter a part of them"
+        remedy = "run one exporter without --shard, or remove them"
+        problems.append(document.problem(("capabilities",), what, remedy))
     if top.zenoh is None:
         problems.extend(find_unreached(checked))
     fleet = replace(

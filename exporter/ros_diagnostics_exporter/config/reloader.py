@@ -151,7 +151,7 @@ class Reloader:
         requested = why != FILES_CHANGED
         self._watcher.mark()
         try:
-            fleet = load(self._path)
+            fleet = load(self._path, self._fleet.shard)
         except ConfigError as error:
             self._watcher.watch(error.sources)
             self._failed(error, why, again=str(error) == self._error and not requested)

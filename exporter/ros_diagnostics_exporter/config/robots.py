@@ -141,6 +141,11 @@ class Robot(Entry):
     with_ros: bool = False  # with source queries: its place in ROS is given
 
     @property
+    def topics(self) -> tuple[str, ...]:
+        """The names of the topics of its diagnostics."""
+        return tuple(each for each in (self.topic_agg, self.topic_raw) if each is not None)
+
+    @property
     def in_ros(self) -> bool:
         """Whether its DDS domain is joined for it, or what zenoh connects."""
         return self.with_ros or self.source is not Source.QUERIES

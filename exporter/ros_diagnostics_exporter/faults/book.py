@@ -8,7 +8,9 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import (
+    NO_OTHERS,
     Identity,
+    Others,
     RobotSettings,
     Scope,
     State,
@@ -55,8 +57,9 @@ class Book:
     ``settled_at``: what was wrong before is a fault again.
     """
 
-    def __init__(self, settings: FaultSettings) -> None:
+    def __init__(self, settings: FaultSettings, others: Others = NO_OTHERS) -> None:
         self.settings = settings
+        self.others = others
         self.grace_until = -inf
         self.settled_at = -inf
         self.fleet_known_at = -inf

@@ -6,11 +6,22 @@ its own from then on, which explains what it counts: see `suppression`.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import ceil, inf
 
 from ros_diagnostics_exporter.faults import suppression
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.model import Identity, Reason, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.model import (
+    NO_OTHERS,
+    Count,
+    Counts,
+    Identity,
+    Others,
+    Reason,
+    Scope,
+    State,
+    Verdict,
+)
 from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
@@ -115,7 +126,7 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
     if cause.active is None and fresh >= needed:
         cause.active = now
         book.write(cause)
-    elif cause.active is not None and 2 * left < needed and not adopted:
+    elif cause.active is not None and 2 * left < needed and not (adopted or _may_grow(book, cause)):
         cause.active = None
         book.write(cause)
     cause.thinned = cause.thinned and cause.active is None
@@ -123,6 +134,11 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         _judge(book, cause, Verdict.FAILING if 2 * fresh >= needed else Verdict.NO_DATA, now)
     if cause.robot is None:
         drop_usual(book, cause)
+
+
+def _may_grow(book: Book, cause: Cause) -> bool:
+    """Whether it is not known yet how many robots other exporters count."""
+    return cause.robot is None and book.others.known < 1
 
 
 def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:
@@ -197,7 +213,12 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     """(how many keep it active, how many of them are in trouble now)."""
     robot = cause.robot
     if robot is None:
-        return len(cause.counted), len(cause.fresh)
+        if book.others is NO_OTHERS:
+            return len(cause.counted), len(cause.fresh)
+        others = book.others.counts.get((cause.scope, cause.name), Count())
+        return _number(book, cause.counted) + others.counted, (
+            _number(book, cause.fresh) + others.fresh
+        )
     lasting = [each for each in robot.components.values() if each.since or each.flapping]
     unplanned = _unplanned(robot, lasting, now)
     # What is planned begins no fault, and ends none.
@@ -233,16 +254,58 @@ def may_leave_out(book: Book, robot: RobotRecord) -> bool:
 
 def _needed(book: Book, cause: Cause) -> int:
     """How many have to be in trouble, of all that it counts."""
+    whole: float
     if cause.robot is not None:
         settings, whole = book.settings.many, cause.robot.total
     elif cause.scope is Scope.SITE:
         settings, whole = book.settings.site, len(book.present.get(cause.name, ()))
     else:
         settings, whole = book.settings.common, sum(map(len, book.present.values()))
+    if cause.robot is None and book.others is not NO_OTHERS:
+        whole = _present(book, cause)
     # The tolerance keeps 0.1 of 30 at 3, whatever floating point makes of it.
     share = ceil(settings.share * whole - 1e-9)
     needed = max(1, settings.number, share)
     return needed if settings.absolute is None else min(needed, max(1, settings.absolute))
+
+
+# -- of several exporters ----------------------------------------------------------------------
+
+
+def take_others(book: Book, others: Others) -> None:
+    """Go on with what other exporters count; each judges the sum, and so comes to the same."""
+    if others != book.others:
+        book.others = others
+        for (scope, name), count in others.counts.items():
+            if count.counted:
+                book.cause(scope, name)
+        book.touch_causes()
+
+
+def counts(book: Book) -> Counts:
+    """What is counted of this exporter's robots; those of which nothing is are left out."""
+    found = {(Scope.SITE, site): Count(_number(book, each)) for site, each in book.present.items()}
+    found[Scope.COMMON, ""] = Count(sum(each.present for each in found.values()))
+    for key, cause in book.causes.items():
+        counted, fresh = _number(book, cause.counted), _number(book, cause.fresh)
+        if counted:
+            found[key] = found.get(key, Count())._replace(counted=counted, fresh=fresh)
+    return found
+
+
+def _present(book: Book, cause: Cause) -> float:
+    """How many robots there are of a site, or all; those of exporters not heard yet are guessed."""
+    is_site = cause.scope is Scope.SITE
+    sites = (book.present.get(cause.name, ()),) if is_site else book.present.values()
+    own = sum(_number(book, each) for each in sites)
+    others = book.others.counts.get((cause.scope, cause.name if is_site else ""), Count())
+    return (own + others.present) / book.others.known
+
+
+def _number(book: Book, robots: Collection[str]) -> int:
+    """How many robots these are, without those that another exporter counts."""
+    twice = book.others.twice
+    return len(robots) - sum(name in robots for name in twice)
 
 
 def _identity(cause: Cause, severity: str) -> Identity:

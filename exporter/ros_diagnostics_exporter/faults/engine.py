@@ -29,15 +29,18 @@ from ros_diagnostics_exporter.faults import (
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book, TimerKind
 from ros_diagnostics_exporter.faults.model import (
+    NO_OTHERS,
     CapabilityView,
     Change,
     ComponentName,
     ComponentReport,
     ComponentSettings,
+    Counts,
     End,
     Fault,
     Followed,
     Identity,
+    Others,
     OwnReport,
     ProblemView,
     Reason,
@@ -49,10 +52,7 @@ from ros_diagnostics_exporter.faults.model import (
     at_mono,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
-from ros_diagnostics_exporter.faults.records import (
-    Presence,
-    RobotRecord,
-)
+from ros_diagnostics_exporter.faults.records import Presence, RobotRecord
 from ros_diagnostics_exporter.faults.suppression import why_not_begin, why_not_end
 from ros_diagnostics_exporter.model import Instant
 
@@ -80,8 +80,8 @@ class Faults:
     that order of time; robots that were not configured raise LookupError. Not thread-safe.
     """
 
-    def __init__(self, settings: FaultSettings) -> None:
-        self._book = Book(settings)
+    def __init__(self, settings: FaultSettings, others: Others = NO_OTHERS) -> None:
+        self._book = Book(settings, others)
 
     # -- time --------------------------------------------------------------------------------
 
@@ -153,6 +153,12 @@ class Faults:
             presence.judge_anew(book, robot, now)
         return changes + judge.settle(book, now)
 
+    def take_others(self, others: Others, now: Instant) -> list[Change]:
+        """Take what the other exporters of the fleet count towards larger faults."""
+        changes = self.advance(now)
+        causes.take_others(self._book, others)
+        return changes + judge.settle(self._book, now)
+
     def configure_robot(
         self, name: str, settings: RobotSettings, now: Instant, *, declared: bool
     ) -> list[Change]:
@@ -218,10 +224,16 @@ class Faults:
         presence.maintain_components(self._book, self._robot(robot), names, now)
         return changes + judge.settle(self._book, now)
 
-    def forget_robot(self, name: str, now: Instant) -> list[Change]:
-        """Take out a robot with all that is wrong with it, as a person wants it."""
+    def forget_robot(self, name: str, now: Instant, *, moved: bool = False) -> list[Change]:
+        """Take out a robot with all that is wrong with it, as a person wants it.
+
+        ``moved``: another exporter has it now, and what is wrong with it lasts there.
+        """
         changes = self.advance(now)
-        changes += removal.remove_robot(self._book, self._robot(name), now)
+        removed = removal.remove_robot(self._book, self._robot(name), now)
+        for each in removed if moved else ():
+            ends.drop(self._book, each.fault.identity)
+        changes += [] if moved else removed
         return changes + judge.settle(self._book, now)
 
     def forget_component(self, robot: str, name: ComponentName, now: Instant) -> list[Change]:
@@ -369,9 +381,8 @@ class Faults:
 
     def faults(self) -> Iterator[Fault]:
         """All faults that last."""
-        for problem in self._book.problems.values():
-            if problem.fault is not None:
-                yield problem.fault
+        found = (each.fault for each in self._book.problems.values())
+        return (each for each in found if each is not None)
 
     def faults_of(self, robot: str) -> list[Identity]:
         """Which faults a robot and its parts have."""
@@ -383,6 +394,10 @@ class Faults:
         for problem in self._book.problems.values():
             if problem.fault is not None and not problem.restored:
                 yield problem.fault
+
+    def counts(self) -> Counts:
+        """What this exporter's robots count towards larger faults, for the others."""
+        return causes.counts(self._book)
 
     def members(self, identity: Identity) -> Iterator[members.Member]:
         """The robots, or components of them, that a larger fault is about."""
@@ -429,13 +444,7 @@ class Faults:
 
     def capabilities(self, robot: str) -> dict[str, CapabilityView]:
         """What a robot can do, each after those that it needs."""
-        return {
-            name: CapabilityView(
-                each.state,
-                {part: bad.state for part, bad in each.parts.items()} if each.problems else {},
-            )
-            for name, each in self._robot(robot).capabilities.items()
-        }
+        return {name: each.view for name, each in self._robot(robot).capabilities.items()}
 
     def needs(self, robot: str | None) -> dict[str, NeedView]:
         """What a robot, or (None) the fleet, can do, with how good all its parts are.
@@ -449,10 +458,6 @@ class Faults:
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""
         return (problem.identity for problem in self._robot(robot).all_problems())
-
-    def component_names(self, robot: str) -> list[ComponentName]:
-        """Of which components of a robot something is kept."""
-        return list(self._robot(robot).components)
 
     def in_trouble(self, robot: str, name: ComponentName | None = None) -> bool:
         """Whether a component, or a robot or any part of it, has a problem: not to be forgotten."""
@@ -468,10 +473,6 @@ class Faults:
             name: Followed(each.since and each.since.wall, each.flaps.ratio if each.flaps else 0.0)
             for name, each in self._robot(robot).components.items()
         }
-
-    def flapping(self, robot: str) -> set[ComponentName]:
-        """Which components of a robot change too often."""
-        return {name for name, each in self._robot(robot).components.items() if each.flapping}
 
     def take_followed(self) -> list[str]:
         """The robots of which `followed` changed since they were last taken."""
@@ -493,7 +494,6 @@ class Faults:
         return rows.restore(self._book, stored, now)
 
     def _robot(self, name: str) -> RobotRecord:
-        robot = self._book.robots.get(name)
-        if robot is None:
+        if name not in self._book.robots:
             raise LookupError(f"no robot {name!r} is configured")
-        return robot
+        return self._book.robots[name]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import sha256
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
-from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.config.fleet import Fleet, Threshold
 from ros_diagnostics_exporter.model import Instant, Level
 
 
@@ -74,13 +75,20 @@ def severity_of(identity: Identity) -> Literal["critical", "warning"]:
     return "critical" if identity.state in _CRITICAL else "warning"
 
 
-def fault_id(fleet: str, exporter: str, identity: Identity) -> str:
+def exporter_of(fleet: Fleet, identity: Identity) -> str:
+    """Whose fault it is, by the name of exporters: one's own, or what all shards judge alike."""
+    is_own = bool(identity.robot) or identity.scope is Scope.EXPORTER
+    return fleet.exporter if is_own else fleet.together
+
+
+def fault_id(fleet: Fleet, identity: Identity) -> str:
     """What names a fault in series, alerts and links: 12 hexadecimal digits.
 
     The same from all exporters that judge a robot, from both halves of a pair, and each time it
-    begins. A site or a common cause counts the robots of one exporter, so its name is part of it.
+    begins. A site or a common cause counts the robots of one exporter, or of all shards, whose name
+    is part of it.
     """
-    named = (fleet, "" if identity.robot else exporter, *identity)
+    named = (fleet.name, "" if identity.robot else exporter_of(fleet, identity), *identity)
     return sha256(json.dumps(named).encode()).hexdigest()[:12]
 
 
@@ -98,7 +106,7 @@ def as_texts(identity: Identity, labels: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def fault_of(fleet: str, exporter: str, texts: Mapping[str, Any]) -> str:
+def fault_of(fleet: Fleet, texts: Mapping[str, Any]) -> str:
     """The id of the fault of which these are the texts, see `as_texts`; "" may be left out.
 
     Raises:
@@ -109,7 +117,36 @@ def fault_of(fleet: str, exporter: str, texts: Mapping[str, Any]) -> str:
     parts = {name: texts.get(name, "") for name in names}
     site = texts.get("site", "") if scope is Scope.SITE else ""
     severity = texts["severity"] if state is State.MANY else ""
-    return fault_id(fleet, exporter, Identity(scope, state, **parts, site=site, severity=severity))
+    return fault_id(fleet, Identity(scope, state, **parts, site=site, severity=severity))
+
+
+class Count(NamedTuple):
+    """Of how many robots a larger fault is a share, how many it counts, and how many of them fresh.
+
+    ``fresh``: in trouble now.
+    """
+
+    present: int = 0
+    counted: int = 0
+    fresh: int = 0
+
+
+Counts = Mapping[tuple[Scope, str], Count]  # by site or component; COMMON and "": all robots
+
+
+class Others(NamedTuple):
+    """What the other exporters of a fleet count.
+
+    ``known`` is the share of all exporters of which it is known, this one among them. Below 1 no
+    larger fault ends. ``twice`` are the robots that this exporter has, too, and another counts.
+    """
+
+    counts: Counts = MappingProxyType({})
+    known: float = 1.0
+    twice: AbstractSet[str] = frozenset()
+
+
+NO_OTHERS = Others()
 
 
 @dataclass(frozen=True)

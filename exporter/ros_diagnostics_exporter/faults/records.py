@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.config.fleet import Flapping, Threshold
 from ros_diagnostics_exporter.faults.model import (
     EFFECTS,
     CapabilityState,
+    CapabilityView,
     ComponentName,
     ComponentSettings,
     Effect,
@@ -454,6 +455,12 @@ class CapabilityRecord(Subject):
 
     def __post_init__(self) -> None:
         self.row = ("capability", ("" if self.robot is None else self.robot.name, self.name))
+
+    @property
+    def view(self) -> CapabilityView:
+        """What is shown of it."""
+        parts = {part: bad.state for part, bad in self.parts.items()} if self.problems else {}
+        return CapabilityView(self.state, parts)
 
     @property
     def is_fault(self) -> bool:

@@ -51,6 +51,7 @@ def evidence(
     robots: Iterable[str],
     messages: Iterable[str] = (),
     flapping: Container[ComponentName] = (),
+    elsewhere: int = 0,
 ) -> Evidence:
     """The evidence of a fault, but of a capability.
 
@@ -60,10 +61,11 @@ def evidence(
         robots: Those that a fault of no robot counts, or that are behind an uplink.
         messages: What the components say of which a fault of many robots is.
         flapping: The components of the robot that change too often.
+        elsewhere: How many robots more other exporters count.
     """
     found = find(identity)
     if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
-        fields = _most(messages) | _first("robots", map(_text, robots))
+        fields = _most(messages) | _first("robots", map(_text, robots), elsewhere)
     elif found is None:
         fields = {}
     elif found[1] is not None:
@@ -240,11 +242,12 @@ def _with_level(component: Component, flaps: bool = False) -> Fields:
     }
 
 
-def _first(name: str, items: Iterable[Any]) -> Fields:
-    """A list of the first few of them, and how many more there are."""
+def _first(name: str, items: Iterable[Any], further: int = 0) -> Fields:
+    """A list of the first few of them, and how many more there are, ``further`` ones among them."""
     listed = list(items)
-    more = {f"more_{name}": len(listed) - _MOST_NAMED} if len(listed) > _MOST_NAMED else {}
-    return {name: listed[:_MOST_NAMED], **more} if listed else {}
+    more = max(0, len(listed) - _MOST_NAMED) + further
+    found = {name: listed[:_MOST_NAMED]} if listed or further else {}
+    return found | ({f"more_{name}": more} if more else {})
 
 
 # -- lines -------------------------------------------------------------------------------------
@@ -322,6 +325,8 @@ def _list_line(
     more = fields.get(f"more_{name}", 0)
     number = len(fields[name]) + more
     counted = f"{number} " if is_counted and number > 1 else ""
+    if not fields[name]:
+        return f"{counted}{words} of other exporters"
     rest = f" and {more} more" if more else ""
     return f"{counted}{words}: {', '.join(map(text, fields[name]))}{rest}"
 

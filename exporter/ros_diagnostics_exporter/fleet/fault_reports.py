@@ -17,10 +17,13 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
+    NO_OTHERS,
     Change,
     ComponentName,
+    Counts,
     Fault,
     Identity,
+    Others,
     OwnReport,
     ProblemView,
     Reason,
@@ -71,7 +74,10 @@ class FaultReports:
         self._robots: dict[str, RobotReports] = {}
         self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
         self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
-        self.engine = Faults(fleet.faults)
+        self._others = NO_OTHERS
+        if fleet.shard is not None:
+            self._others = Others(known=1 / fleet.shard.count, twice=fleet.shard.twice)
+        self.engine = Faults(fleet.faults, self._others)
         self._start(now)
 
     def _start(self, now: Instant) -> None:
@@ -88,7 +94,11 @@ class FaultReports:
     def remove(self, robot: RobotState, now: Instant) -> None:
         """End all that is wrong with a robot that is no longer wanted."""
         del self._robots[robot.settings.name]
-        self._record(self.engine.forget_robot(robot.settings.name, self._time(now)))
+        self._remove(robot.settings.name, self._time(now))
+
+    def _remove(self, robot: str, now: Instant) -> None:
+        moved = not self._fleet.has(robot)
+        self._record(self.engine.forget_robot(robot, now, moved=moved))
 
     def update(self, robot: RobotState, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
@@ -156,6 +166,12 @@ class FaultReports:
             found = wanted_of_fleet(self._fleet, source[1])
             self._record(self.engine.configure_capabilities(None, found, now))
 
+    def take_others(self, counts: Counts, known: float, now: Instant) -> None:
+        """Take what the other exporters that share the fleet count; see `Others`."""
+        twice = frozenset() if self._fleet.shard is None else self._fleet.shard.twice
+        self._others = Others(counts, known, twice)
+        self._record(self.engine.take_others(self._others, self._time(now)))
+
     def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
         """Report all parts of the exporter itself."""
         reports = list(reports)
@@ -184,13 +200,13 @@ class FaultReports:
         Nothing is received yet.
         """
         now, rows = self._time(now), list(rows)
-        faults = Faults(self._fleet.faults)
+        faults = Faults(self._fleet.faults, self._others)
         dropped = faults.restore(rows, now)
         self.engine, self._fleet_source = faults, None
         self._start(now)
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key and key[0] not in self._robots:
-                self._record(faults.forget_robot(key[0], now))
+                self._remove(key[0], now)
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
             reports.robot.marks.note(Mark.DETAILS)  # what the former engine followed is gone
@@ -237,8 +253,14 @@ class FaultReports:
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             troubled, messages = self._troubled(identity), self._messages(identity)
-            flapping = self.engine.flapping(identity.robot) if reports is not None else ()
-            return evidence(identity, self._find, troubled, messages, flapping)
+            flapping = {
+                ComponentName(each.group, each.component)
+                for each in (self.engine.identities(identity.robot) if reports is not None else ())
+                if each.state is State.FLAPPING
+            }
+            counted = self._others.counts.get((identity.scope, identity.site or identity.component))
+            elsewhere = 0 if counted is None else counted.counted
+            return evidence(identity, self._find, troubled, messages, flapping, elsewhere)
         of = self.engine.capabilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 

@@ -144,6 +144,8 @@ class RobotRegistry:
 
     def _settings_by_topic(self, name: str, topic: Topic, *, shared: bool) -> config.Robot | None:
         """The settings of a robot on a topic; ``shared``: a status on a shared topic named it."""
+        if not self._fleet.has(name):
+            return None
         if topic in self.shared_topics:
             return self.shared_topics[topic].robot(name) if shared else None
         for discovery in self._fleet.discoveries:
@@ -247,9 +249,9 @@ class RobotRegistry:
         if self._must_wait(now):
             return  # else somebody who offers 20,000 topics has each look go through them all
         topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
-        new = [
-            each for each in topics if each not in self.bindings and each not in self.shared_topics
-        ]
+        shard = self._fleet.shard
+        known = (self.bindings, self.shared_topics, () if shard is None else shard.elsewhere)
+        new = [each for each in topics if not any(each in topics for topics in known)]
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
         any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
         self._add_found(new, any_type, now)
@@ -294,7 +296,7 @@ class RobotRegistry:
     def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> bool:
         """Add a topic's robot where the config wants it; False where a limit rejects it."""
         name = robot_name(discovery, topic.name, topic.domain_id)
-        if name is None:
+        if name is None or not self._fleet.has(name):
             return True
         known = self.robots.get(name)
         if known is not None and _is_at(known.settings, discovery, topic):
@@ -321,7 +323,8 @@ class RobotRegistry:
         for topic, types in found:
             for discovery in self._fleet.discoveries:
                 name = robot_name(discovery, topic, domain_id)
-                if name is not None and discovery.source is not config.Source.NONE:
+                is_own = name is not None and self._fleet.has(name)
+                if name is not None and is_own and discovery.source is not config.Source.NONE:
                     why = f"the topic has another type, {', '.join(types):.200}"
                     at = Topic(domain_id, topic)
                     self.rejections.reject_robot(at, name, "wrong_type", now, why)
@@ -362,6 +365,8 @@ class RobotRegistry:
         name = truncate(name, self._fleet.limits.label_length)
         robot = self.robots.get(name)
         if robot is None:
+            if not self._fleet.has(name):
+                return None
             return self.add(self.shared_topics[topic].robot(name), now, declared=False)
         if topic not in _topics(robot.settings):
             self.rejections.reject_robot(topic, name, "duplicate_robot", now)

@@ -23,13 +23,13 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
-    OwnReport,
     ProblemView,
     Reason,
     Row,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
+from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
 from ros_diagnostics_exporter.fleet.watched import WatchedFleet
 from ros_diagnostics_exporter.model import (
@@ -135,11 +135,6 @@ class FleetState(WatchedFleet):
         """The robots' addresses by name, "" where a robot has none."""
         with self._lock:
             return {n: each.settings.address or "" for n, each in self._registry.robots.items()}
-
-    def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
-        """Judge all parts of the exporter itself, as they are now."""
-        with self._lock:
-            self._faults.own(reports, now)
 
     # -- from time and people ----------------------------------------------------------------
 
@@ -363,8 +358,7 @@ class FleetState(WatchedFleet):
             if robot is None:
                 return ()
             settings = robot.settings
-            names = (each for each in (settings.topic_agg, settings.topic_raw) if each)
-            return tuple(Topic(settings.domain_id, each) for each in names)
+            return tuple(Topic(settings.domain_id, each) for each in settings.topics)
 
     def components_of(self, name: str) -> set[str] | None:
         """The names of a robot's components that were ever received; None: there is no robot."""
@@ -392,15 +386,20 @@ class FleetState(WatchedFleet):
             engine = self._faults.engine
             return list(engine.served()), list(engine.ends())
 
-    def members(self, fault: Fault) -> list[tuple[str, ComponentName]]:
-        """The robots, or components of them, that a larger fault is about."""
-        with self._lock:
-            return list(self._faults.engine.members(fault.identity))
-
     def note_served(self, now: Instant) -> None:
         """Note that `served` was read by whoever holds the faults."""
         with self._lock:
             self._faults.engine.note_served(now)
+
+    def judge(self, function: Callable[[FaultReports], Result]) -> Result:
+        """``function`` of what judges the faults."""
+        with self._lock:
+            return function(self._faults)
+
+    def members(self, fault: Fault) -> list[tuple[str, ComponentName]]:
+        """The robots, or components of them, that a larger fault is about."""
+        with self._lock:
+            return list(self._faults.engine.members(fault.identity))
 
     def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
         """All problems of the fleet or of one robot, those not confirmed among them.

@@ -30,6 +30,8 @@ class Claims:
         named = [(each.domain_id, each.topic_agg or each.topic_raw) for each in fleet.robots]
         named += [(each.domain_id, each.topic) for each in fleet.shared]
         self._topics = {Topic(domain, name) for domain, topic in named for name in _both(topic)}
+        if fleet.shard is not None:
+            self._topics |= fleet.shard.elsewhere
 
     def takes(self, topic: Topic) -> bool:
         """Whether an entry takes a topic, or leaves the robot out that has it."""

@@ -149,8 +149,11 @@ def find_unmatched(fleet: Fleet, known: Iterable[KnownRobot], wall: float) -> li
 
     Of robots that are known and were not received yet nothing is said; rules of a profile count
     once components of its robots were received. Rules that ignore
-    components, and downtimes that are over at ``wall`` (Unix seconds), do not count.
+    components, and downtimes that are over at ``wall`` (Unix seconds), do not count. Of a shard
+    nothing is said: an entry may match robots of another one.
     """
+    if fleet.shard is not None:
+        return []
     robots = list(known)
     received = [each for each in robots if each.components]
     if robots and not received:

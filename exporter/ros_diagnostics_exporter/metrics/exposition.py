@@ -14,8 +14,17 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.durations import written
-from ros_diagnostics_exporter.faults.model import End, Fault, Identity, Scope, as_texts, fault_id
+from ros_diagnostics_exporter.faults.model import (
+    End,
+    Fault,
+    Identity,
+    Scope,
+    as_texts,
+    exporter_of,
+    fault_id,
+)
 from ros_diagnostics_exporter.firing import REMOVED, SEPARATOR, THE_ROBOT
 from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -49,13 +58,12 @@ class FaultText:
     """The text of the families of faults."""
 
     def __init__(self) -> None:
-        self._source = ("", "")
+        self._source: tuple[object, ...] = ()
         self._lines: dict[Identity, _Lines] = {}
 
     def render(
         self,
-        fleet: str,
-        exporter: str,
+        fleet: Fleet,
         faults: Iterable[Fault],
         ends: Iterable[End] = (),
         acknowledgements: Iterable[Acknowledgement] = (),
@@ -66,27 +74,26 @@ class FaultText:
         """By the family's name, those of ``parts``.
 
         Args:
-            fleet: The fleet's name.
-            exporter: The exporter's; "" for none.
+            fleet: Of which the names are part of the labels.
             faults: All that last.
             ends: What ended of late.
             acknowledgements: Those in force, the newest last; of other faults, too.
             notified: Of each fault, when each receiver was last notified; None: not known.
             parts: Of the exposition.
         """
-        source = fleet, exporter
+        source = fleet.name, fleet.exporter, fleet.shard
         known = self._lines if source == self._source else {}
         lines: dict[Identity, _Lines] = {}
         for fault in sorted(faults, key=lambda fault: fault.identity):
             kept = known.get(fault.identity)
             if kept is None or kept.fault is not fault:
-                kept = _render(fleet, exporter, fault)
+                kept = _render(fleet, fault)
             lines[fault.identity] = kept
         self._source, self._lines = source, lines
         all_lines = lines.values()
         samples: dict[Family, Iterable[str]] = {  # generators: what is not wanted is not rendered
             metrics.FAULT_START: (each.start for each in all_lines),
-            metrics.FAULT_END: (_end(fleet, exporter, each) for each in ends),
+            metrics.FAULT_END: (_end(fleet, each) for each in ends),
             metrics.FAULT_ACKNOWLEDGED: _acknowledged(all_lines, acknowledgements),
             metrics.FAULT_NOTIFIED: _notified(all_lines, notified),
         }
@@ -97,18 +104,18 @@ class FaultText:
         }
 
 
-def _all_labels(fleet: str, exporter: str, fault: Fault) -> dict[str, str]:
+def _all_labels(fleet: Fleet, fault: Fault) -> dict[str, str]:
     identity = as_texts(fault.identity, fault.labels)
     own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
-    source = {"fleet": fleet, "exporter": exporter}
-    return {**source, "fault": fault_id(fleet, exporter, fault.identity), **identity, **own}
+    source = {"fleet": fleet.name, "exporter": exporter_of(fleet, fault.identity)}
+    return {**source, "fault": fault_id(fleet, fault.identity), **identity, **own}
 
 
-def _end(fleet: str, exporter: str, end: End) -> str:
+def _end(fleet: Fleet, end: End) -> str:
     if end.fault is None:
-        labels = {"fleet": fleet, "exporter": exporter, "robot": end.robot}
+        labels = {"fleet": fleet.name, "exporter": fleet.exporter, "robot": end.robot}
     else:
-        labels = _all_labels(fleet, exporter, end.fault)
+        labels = _all_labels(fleet, end.fault)
     of_end = {"reason": end.reason, "evidence": _known_of_end(end)}
     return _sample(metrics.FAULT_END, label_pairs(labels), of_end, end.at)
 
@@ -122,8 +129,8 @@ def _known_of_end(end: End) -> str:
     return SEPARATOR.join(filter(None, known))
 
 
-def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
-    identity = _all_labels(fleet, exporter, fault)
+def _render(fleet: Fleet, fault: Fault) -> _Lines:
+    identity = _all_labels(fleet, fault)
     labels = label_pairs(identity)
     can = fault.capabilities and f"{THE_ROBOT}{fault.capabilities}"
     known = {"evidence": SEPARATOR.join(filter(None, (fault.evidence, can)))}
@@ -270,13 +277,7 @@ class Exposition:
         fleet, (faults, ends) = self._state.fleet, self._state.served()
         acknowledged, notified = self._acknowledged(), self._notified()
         of_faults = self._faults.render(
-            fleet.name,
-            fleet.exporter,
-            faults,
-            ends,
-            acknowledged,
-            notified=notified,
-            parts=parts,
+            fleet, faults, ends, acknowledged, notified=notified, parts=parts
         )
         if Part.FAULTS not in parts:
             return of_faults
@@ -294,8 +295,8 @@ class Exposition:
         samples = []
         for fault in faults:
             if fault.identity.scope in _LARGER:
-                id_ = fault_id(fleet.name, fleet.exporter, fault.identity)
-                labels = {"fleet": fleet.name, "exporter": fleet.exporter, "fault": id_}
+                id_, exporter = fault_id(fleet, fault.identity), exporter_of(fleet, fault.identity)
+                labels = {"fleet": fleet.name, "exporter": exporter, "fault": id_}
                 for robot, component in self._state.members(fault):
                     member = {"robot": robot, **component._asdict()}
                     samples.append(f"{name}{{{label_pairs(labels | member)}}} 1\n")

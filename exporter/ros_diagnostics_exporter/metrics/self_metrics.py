@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.metrics.families import (
 )
 from ros_diagnostics_exporter.metrics.week import ROWS, Samples, Week
 from ros_diagnostics_exporter.model import ALL_PARTS, Domain, Part
+from ros_diagnostics_exporter.other_exporters import OtherExporters
 from ros_diagnostics_exporter.rejected_logins import RejectedLogins
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Outcome
@@ -58,7 +59,7 @@ class Exporter(Protocol):
     """What the exporter's own metrics, and its check of itself, are read from: the service.
 
     ``ros`` is (distribution, middleware); ``scrapes`` and ``scrape_seconds`` are those before the
-    current scrape; ``week`` is None while it is not counted.
+    current scrape; ``week`` is None while it is not counted, ``others`` if it has the whole fleet.
     """
 
     state: FleetState
@@ -72,6 +73,7 @@ class Exporter(Protocol):
     scrapes: int
     scrape_seconds: float
     week: Week | None
+    others: OtherExporters | None
     rejected_logins: RejectedLogins
 
     @property
@@ -183,7 +185,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
             EXPORTER,
             Part.FAULTS,
         ),
-        lambda exporter: _one(exporter.state.settled(read_clocks())),
+        lambda exporter: [((), float(exporter.state.settled(read_clocks())))],
     ),
     (
         _family(
@@ -361,6 +363,20 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         ),
         lambda exporter: (
             None if (start := exporter.canary.start) is None else _one(round(start, 3))
+        ),
+    ),
+    (
+        _family(
+            "shard_robots",
+            "gauge",
+            "What exporters that share a fleet tell one another: of how many robots a larger fault "
+            "is a share (present), how many it counts (counted), and how many of these are in "
+            "trouble now (fresh). Only with --shard.",
+            (*EXPORTER, "shards", "scope", "site", "component", "state"),
+            Part.FAULTS,
+        ),
+        lambda exporter: (
+            None if exporter.others is None else list(exporter.others.samples(read_clocks()))
         ),
     ),
     (

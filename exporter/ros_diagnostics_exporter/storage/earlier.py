@@ -95,7 +95,7 @@ def _robot(name: Any, fields: Any, seen: Any) -> PersistedRobot | str:
 def event_fault(fleet: Fleet, event: str) -> str | None:
     """The id of the fault that an event of an earlier exporter is of; None of one of no fault."""
     try:
-        return fault_of(fleet.name, fleet.exporter, json.loads(event))
+        return fault_of(fleet, json.loads(event))
     except (LookupError, ValueError, TypeError, AttributeError):
         return None  # of a scope or state that there no longer is, or damaged
 

@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.occurrences import history, occurrences
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.faults.model import fault_of
 
+FLEET = Fleet("f", exporter="x")
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "robot": "r"}
 
 
@@ -68,13 +70,13 @@ def find():
     ):
         event = Event(time, kind, robot_name, **more)
         if event.since is not None:
-            event = replace(event, fault=fault_of("f", "x", asdict(event)))
+            event = replace(event, fault=fault_of(FLEET, asdict(event)))
         log.record(event)
     return lambda **wanted: list(log.find(Wanted(**wanted)))
 
 
 def test_the_history_of_a_fault_is_of_its_id(find):
-    last, first = history(find, fault_of("f", "x", find(kind="fault_began", robot="r", limit=1)[0]))
+    last, first = history(find, fault_of(FLEET, find(kind="fault_began", robot="r", limit=1)[0]))
 
     assert (last["since"], last["until"]) == (400.0, None)
     assert (first["since"], first["until"], first["reason"]) == (100.0, 300.0, "recovered")

@@ -68,6 +68,12 @@ def test_retention_is_a_duration_and_a_size():
         ("grafana.url", ["localhost:3000", "javascript:alert(1)", "http://g/?a"], "is not a URL"),
         ("grafana.url", ["http://ann:secret@g:3000"], "without a user"),
         ("prometheus.user", ["ann"], "--prometheus.user needs --prometheus.password-file"),
+        ("shard", ["5/4", "0/4", "x", "2"], "is not a shard such as 2/4, the second of four"),
+        (
+            "shard",
+            ["2/4"],
+            "--shard needs --alertmanager.url and --prometheus.url: exporters learn",
+        ),
         ("live", ["http://localhost:9877"], "--live needs --config.check"),
         ("storage.pat", ["x.db"], "unrecognized arguments: --storage.pat"),
     ],

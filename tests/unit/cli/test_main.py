@@ -105,7 +105,7 @@ def test_what_the_config_warns_of_is_logged_as_a_warning(fleet_file, monkeypatch
     def check_ros():
         raise main.RosMissingError("no ROS")
 
-    monkeypatch.setattr(main, "load", lambda _path: fleet)
+    monkeypatch.setattr(main, "load", lambda *_given: fleet)
     monkeypatch.setattr(main, "check_ros", check_ros)
     with pytest.raises(main.RosMissingError):
         main._run(flags.parse([]), ())

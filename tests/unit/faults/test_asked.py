@@ -9,7 +9,6 @@ from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     CapabilityState,
     Change,
-    ComponentName,
     PartName,
     Row,
 )
@@ -117,7 +116,6 @@ def test_other_settings_are_judged_at_once():
 def test_of_a_robot_that_is_not_configured_there_is_nothing():
     with pytest.raises(LookupError, match="no robot 'r9' is configured"):
         player(["r1"], FaultSettings()).faults.needs("r9")
-    assert player(["r1"], FaultSettings()).faults.component_names("r1") == list[ComponentName]()
 
 
 FLEET_ROW = ("fleet", [], {"settled_at": 1.0, "grace_until": None})

@@ -552,7 +552,7 @@ def test_what_alerts_on_faults_need_is_a_part():
         "component_state",
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
         *("robot_info", "robot_state", "site_received_robots"),
-        "canary_start_timestamp_seconds",
+        *("canary_start_timestamp_seconds", "shard_robots"),
     }
 
 
@@ -633,6 +633,7 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
         scrapes=0,
         scrape_seconds=6.5,
         week=WEEK,
+        others=SimpleNamespace(samples=lambda _now: [(("4", "site", "hall", "", "fresh"), 7.5)]),
     )
     return SelfMetrics(exporter)
 
@@ -699,6 +700,7 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
         "exporter_query_rows": {"Host/node skipped": 3, "Host/node used": 2},
         "exporter_query_successful": {"Host/node": 1, "Host/down": 0},
         "canary_start_timestamp_seconds": {"": WALL + 1},
+        "shard_robots": {" site 4 hall fresh": 7.5},
         "week_faults": {"": 3},
         "week_acknowledged_faults": {"": 2},
         "week_acknowledge_seconds": {"0.5": 60, "1": 90},

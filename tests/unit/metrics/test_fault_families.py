@@ -26,7 +26,9 @@ from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')
 START = "fault_start_timestamp_seconds"
-FAULT = fault_id("f", "", Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor"))
+FAULT = fault_id(
+    Fleet("f"), Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
+)
 
 
 def driver_of(**labels: str) -> StateDriver:
@@ -64,7 +66,7 @@ def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_a
         Identity(Scope.SITE, State.SILENT, site="hall"),
     ]
     unnamed, north, south = (
-        [fault_id("f", name, identity) for identity in identities]
+        [fault_id(Fleet("f", exporter=name), identity) for identity in identities]
         for name in ("", "north", "south")
     )
 
@@ -104,7 +106,7 @@ def test_the_labels_of_a_robot_do_not_replace_those_of_its_fault(exporter):
     ],
 )
 def test_every_fault_has_its_severity(identity, expected):
-    texts = FaultText().render("f", "", [Fault(identity, 1.0, 2.0, {})])
+    texts = FaultText().render(Fleet("f"), [Fault(identity, 1.0, 2.0, {})])
     assert f'severity="{expected}"' in texts[metrics.FAULT_START.name].decode()
 
 
@@ -149,7 +151,7 @@ def test_a_fault_says_who_was_notified_or_that_nobody_was(notified, expected):
     identity = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
     fault = Fault(identity, since=1.0, confirmed=2.0, evidence="", labels={})
     of = None if notified is None else {key_of(as_texts(identity, {})): notified}
-    rendered = FaultText().render("f", "", [fault], notified=of)[metrics.FAULT_NOTIFIED.name]
+    rendered = FaultText().render(Fleet("f"), [fault], notified=of)[metrics.FAULT_NOTIFIED.name]
 
     found = {}
     for line in rendered.decode().splitlines():
@@ -172,7 +174,7 @@ def test_a_fault_is_acknowledged_by_the_newest_acknowledgement():
             ("dan", 99.0, 8.0),  # of an earlier fault
         )
     ]
-    rendered = FaultText().render("f", "", [fault], acknowledgements=made)[
+    rendered = FaultText().render(Fleet("f"), [fault], acknowledgements=made)[
         metrics.FAULT_ACKNOWLEDGED.name
     ]
 
@@ -186,8 +188,7 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
     fault = Fault(identity, 1.0, 2.0, {"team": "blue"}, "hot", "driving")
     named = identity_of({"fleet": "f", **as_texts(identity, {})})
     texts = FaultText().render(
-        "f",
-        "e",
+        Fleet("f", exporter="e"),
         [fault],
         [End(fault, "r", "recovered", 9.0, "well")],
         [Acknowledgement(named, 1.0, "ann", "mine", 5.0, 100.0)],

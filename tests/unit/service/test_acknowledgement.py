@@ -7,6 +7,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import silences
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.faults.model import Fault, State
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition, FaultText
@@ -122,9 +123,8 @@ def fault(since: float = BEGAN, labels: dict[str, str] | None = None, **identity
 
 def served(faults, acknowledgements, text=None, exporter="") -> list[tuple[dict[str, str], float]]:
     """Labels and value of every acknowledgement that a scrape shows."""
-    rendered = (text or FaultText()).render(
-        "f", exporter, faults, acknowledgements=acknowledgements
-    )
+    fleet = Fleet("f", exporter=exporter)
+    rendered = (text or FaultText()).render(fleet, faults, acknowledgements=acknowledgements)
     text = rendered[metrics.FAULT_ACKNOWLEDGED.name].decode()
     assert all(line.startswith(metrics.FAULT_ACKNOWLEDGED.name) for line in text.splitlines())
     return [

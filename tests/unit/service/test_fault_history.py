@@ -21,7 +21,7 @@ def began(state: FleetState) -> None:
 def test_an_event_of_a_fault_is_found_by_the_fault_of_which_it_is(tmp_path):
     service = Service(Fleet("f", exporter="x"), tmp_path / "fleet.yml", None)
     began(service.state)
-    fault = fault_id("f", "x", CLOCK)
+    fault = fault_id(Fleet("f", exporter="x"), CLOCK)
 
     [known] = service.fault_history(fault)["occurrences"]
 

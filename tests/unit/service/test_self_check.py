@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.faults.model import OwnReport, Scope
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.fleet.unmatched import Unmatched
@@ -43,6 +44,7 @@ class Parts:
         self.exposition = SimpleNamespace(series={"a": 800, "b": 100})
         self.loop = SimpleNamespace(name="unmatched", last_turn=WALL + 1e6, interval=60.0)
         self.rejected_logins = RejectedLogins()
+        self.others: Any = None
         self.found: list[Any] = []
         self.check = SelfCheck(self, at(0))  # type: ignore[arg-type]
 
@@ -60,6 +62,25 @@ class Parts:
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> Parts:
     return Parts(monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        (("", [], True), (OK, "")),
+        (("no", [Shard(2, 3)], True), (WARN, "what the others count is not known: no")),
+        (("", [Shard(2, 3)], False), (OK, "")),
+        (("", [Shard(2, 3)], True), (ERROR, "there is no exporter with --shard=2/3: its robots")),
+    ],
+)
+def test_that_a_shard_is_missing_is_said_by_one_of_the_others(parts, others, expected):
+    assert "shards" not in [each.part for each in parts.check.reports(at(1000))]
+    error, missing, is_first = others
+    parts.others = SimpleNamespace(error=error, missing=missing, is_first=is_first)
+    report = parts.report("shards")
+    level, message = expected
+    assert (report.level, report.confirm_after) == (level, 300.0)
+    assert report.message.startswith(message)
 
 
 def test_nothing_is_wrong_with_an_exporter_that_works(parts):
@@ -197,7 +218,8 @@ def test_what_was_rejected_counts_for_ten_minutes_and_is_at_once_a_fault(parts):
 
 def test_a_part_that_is_wrong_is_a_fault_with_its_message_as_evidence_until_it_is_right(parts):
     def judge(second: float) -> list[tuple[str, str]]:
-        parts.state.report_own(parts.check.reports(at(second)), at(second))
+        reports, now = parts.check.reports(at(second)), at(second)
+        parts.state.judge(lambda of, reports=reports, now=now: of.own(reports, now))
         parts.state.tick(at(second))
         found = [each for each in parts.state.faults() if each.identity.scope is Scope.EXPORTER]
         return [(each.identity.component, each.evidence) for each in found]

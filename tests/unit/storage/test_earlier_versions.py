@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.faults.model import fault_id
 from ros_diagnostics_exporter.model import Status
@@ -143,7 +144,7 @@ def test_a_database_of_an_earlier_version_is_migrated_after_a_copy(path, caplog,
     assert after.component("Motor").before_stale == ERROR
     [fault] = after.state.faults()
     assert (fault.identity.component, fault.since, fault.evidence) == ("Motor", WALL + 1, "Hot")
-    found = list(after.log.find(Wanted(fault=fault_id("f", "", fault.identity))))
+    found = list(after.log.find(Wanted(fault=fault_id(Fleet("f"), fault.identity))))
     assert [each["id"] for each in found] == [2]
     assert [each["id"] for each in after.log.find(Wanted(kind="fault_began"))] == [3, 2]
 
