@@ -1,4 +1,4 @@
-"""An exporter for each subnet of one fleet: two names, two DDS domains, one Prometheus."""
+"""Exporters of one fleet: one for each subnet, and two that share the robots of a LAN."""
 
 import pytest
 
@@ -40,13 +40,11 @@ class Subnet:
         self.orders.give([("robot_1/Motor 1", level)])
 
 
-class Subnets:
-    """Both subnets, and what fires about the fleet."""
+class Alerts:
+    """What fires about the fleet."""
 
     def __init__(self, site: Site) -> None:
         self.engine = site.engine
-        self.north, self.south = (Subnet(site, name) for name in ("north", "south"))
-        site.start_alertmanager()
 
     def firing(self) -> set[Alert]:
         return {
@@ -68,6 +66,15 @@ class Subnets:
             return firing == set(alerts)
 
         until(reached, lambda: f"{alerts}; firing: {self.firing()}", 120, every=0.5)
+
+
+class Subnets(Alerts):
+    """Both subnets."""
+
+    def __init__(self, site: Site) -> None:
+        super().__init__(site)
+        self.north, self.south = (Subnet(site, name) for name in ("north", "south"))
+        site.start_alertmanager()
 
 
 @pytest.fixture
@@ -103,3 +110,49 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(subnets: S
     subnets.becomes(NORTH, keeps=NORTH)
     subnets.north.motor("ok")
     subnets.becomes()
+
+
+SHARED = """
+fleet: hall
+profiles: {{default: {{stale_after: 4s, confirm_after: 2s}}}}
+faults: {{restart_grace: 8s, confirm_after: 4s}}
+discovery:
+  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain}], labels: {{site: lan}}}}
+"""
+ROBOTS = {f"robot_{number}" for number in range(1, 9)}
+
+
+def test_two_exporters_share_the_robots_of_a_lan(site: Site):
+    """Each robot is served by one; that all are silent is one fault, though each has but a part."""
+    config = site.write("fleet.yml", SHARED.format(domain=site.domain_id))
+    robots = site.start_robots(len(ROBOTS))
+    site.start_alertmanager()
+    prometheus = f"--prometheus.url=http://{site.addresses.prometheus}"
+    servers = [
+        site.start_exporter(config, f"--shard={number}/2", prometheus, name=f"shard-{number}")
+        for number in (1, 2)
+    ]
+    served = [set[str](), set[str]()]
+
+    def all_served() -> bool:
+        served[:] = [set(each.receives()) for each in servers]
+        return served[0] | served[1] == ROBOTS
+
+    until(all_served, lambda: f"all robots are received: {served}", 120)
+    assert all(served)
+    assert not served[0] & served[1]
+    site.start_prometheus(interval=1, tenth=True)
+    site.wait_until_ready()
+    alerts, orders = Alerts(site), site.use(Orders(site.domain_id))
+    broken = [min(each) for each in served]
+    orders.give([(f"{name}/Motor 1", "error") for name in broken])
+    alerts.becomes(*(("ComponentCritical", "", name) for name in broken))
+    orders.give([(f"{name}/Motor 1", "ok") for name in broken])
+    alerts.becomes()
+
+    counted = 'count(ros_diagnostics_shard_robots{scope="common", state="present"} > 0)'
+    until(lambda: alerts.engine.value(counted) == 2, "both say how many robots they have", 60)
+    robots.process.stop()
+    alerts.becomes(("FleetPartDown", "shard", ""))
+    robots.process.start()
+    alerts.becomes()
