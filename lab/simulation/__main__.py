@@ -6,11 +6,13 @@ import argparse
 import logging
 import signal
 import sys
+import tempfile
 import time
 import traceback
+from pathlib import Path
 from typing import Any
 
-from simulation import features, network, planted, twins
+from simulation import features, network, planted, shards, twins
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
@@ -23,6 +25,8 @@ def main() -> int:
     options = _parser().parse_args()
     if options.planted:
         return planted.main(options.features, options.seed)
+    if options.shards:
+        return _play_shards(options.shards, options.seed)
     if options.features:
         return _play_features(range(options.seed, options.seed + options.features))
     for seed in range(options.seed, options.seed + options.seeds):
@@ -72,6 +76,25 @@ def _play_features(seeds: range) -> int:
     return 0
 
 
+def _play_shards(robots: int, seed: int) -> int:
+    """Play a history of a fleet of so many robots that several exporters share."""
+    logging.disable()
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            fleet = shards.play(Path(folder), robots, seed)
+        except AssertionError as error:
+            print(f"seed {seed} fails: {error}", flush=True)
+            return 1
+    seconds = time.perf_counter() - begin
+    print(
+        f"seed {seed}: {robots} robots of two exporters, then three, of which one dies: "
+        f"{len(fleet.begun())} faults, {len(fleet.sent)} mails, none lost and none twice, "
+        f"in {seconds:.0f} s"
+    )
+    return 0
+
+
 def _does_not_end(_signal: int, _frame: object) -> None:
     raise TimeoutError(f"the engine works for {LONGEST} s on a history that takes 0.1 s")
 
@@ -111,6 +134,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         default=0,
         help="in place of all that: N short histories of a small fleet that uses every feature",
+    )
+    parser.add_argument(
+        "--shards",
+        type=int,
+        metavar="ROBOTS",
+        default=0,
+        help="in place of all that: a fleet of so many robots that exporters share; one of them is "
+        "added, and one dies",
     )
     parser.add_argument(
         "--planted",

@@ -9,13 +9,16 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import inf
 from pathlib import Path
+from random import Random
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import Fleet, Source
+from ros_diagnostics_exporter.config.fleet import Robot as Declared
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.events import EventLog
@@ -93,14 +96,14 @@ class Process:
     def second(self) -> None:
         """Let a second pass."""
         world, now, state = self._world, self._world.now, self.state
-        if now.mono % PERIOD == 0:
+        if now.mono % SCRAPE == 0:
             state.update_graph(0, world.endpoints(), now)
         wanted = state.wanted_topics(0)
         for robot in world.speaking():
             if (topic := f"/{robot.name}/diagnostics") in wanted:
                 state.receive(Topic(0, topic), Array(0.0, robot.statuses(), 100), now)
-        for quarter in range(4):
-            state.tick(Instant(now.mono + quarter / 4, now.wall + quarter / 4))
+        for part in (0.0, 0.5):
+            state.tick(Instant(now.mono + part, now.wall + part))
         if now.mono % SCRAPE == 0:
             self.others.turn()
         if now.mono >= self._adopt_at:
@@ -122,6 +125,7 @@ class SharedFleet:
     folder: Path
     sites: int
     robots: dict[str, Robot]
+    declared: bool = False
     running: dict[int, Process] = field(default_factory=dict)  # by the number of the shard
     held: dict[Identity, Fault] = field(default_factory=dict)
     sent: list[Mail] = field(default_factory=list)
@@ -129,15 +133,27 @@ class SharedFleet:
 
     def __post_init__(self) -> None:
         self.fleet: Fleet = load(fleet_file(self.folder, self.sites))
+        if self.declared:
+            robots = tuple(map(self._declared, self.robots.values()))
+            self.fleet = replace(self.fleet, robots=robots, discoveries=())
 
     @classmethod
-    def of(cls, folder: Path, sites: int, robots: int) -> SharedFleet:
-        """A fleet of so many robots, spread over the sites."""
+    def of(cls, folder: Path, sites: int, robots: int, *, declared: bool = False) -> SharedFleet:
+        """A fleet of so many robots, spread over the sites, which fleet.yml names or finds."""
         found = (
             Robot(f"s{number % sites}_r{number}", f"Motor {number % COMPONENTS}")
             for number in range(robots)
         )
-        return cls(folder, sites, {each.name: each for each in found})
+        return cls(folder, sites, {each.name: each for each in found}, declared)
+
+    def _declared(self, robot: Robot) -> Declared:
+        entry = Declared(
+            robot.name,
+            namespace=f"/{robot.name}",
+            labels={"site": robot.site},
+            profile=self.fleet.profiles["default"],
+        )
+        return entry.reading(Source.RAW)
 
     # -- people ------------------------------------------------------------------------------
 
@@ -247,10 +263,71 @@ class SharedFleet:
                 found.add(Identity(Scope.ROBOT, State.SILENT, robot=robot.name))
         return found
 
-    def twice(self) -> list[Identity]:
-        """What was sent more often than it happened, or ended before it began."""
-        begun = Counter(identity for what, identity, _at in self.sent if what == "PROBLEM")
-        return [identity for identity, number in begun.items() if number > 1]
+    def check(self, expected: set[Identity]) -> None:
+        """See that just these faults last, and that none was sent twice so far.
+
+        Raises:
+            AssertionError: It is not so.
+        """
+        missing, wrong = expected - self.held.keys(), self.held.keys() - expected
+        assert not missing, f"at {self.now.mono:.0f} s {len(missing)} are lost: {min(missing)}"
+        assert not wrong, f"at {self.now.mono:.0f} s {len(wrong)} too many: {min(wrong)}"
+        twice = [each for each, number in self.begun().items() if number > 1]
+        assert not twice, f"at {self.now.mono:.0f} s {len(twice)} were sent twice: {min(twice)}"
+
+    def begun(self) -> Counter[Identity]:
+        """How often each fault was sent."""
+        return Counter(identity for what, identity, _at in self.sent if what == "PROBLEM")
+
+
+def play(folder: Path, robots: int, seed: int) -> SharedFleet:
+    """A history in which an exporter is added to two, and one dies and comes back.
+
+    One robot in a hundred breaks before, and as many while an exporter is dead. A site is silent
+    all the time. Returns the fleet after all was repaired.
+
+    Raises:
+        AssertionError: A fault is lost, comes twice, or is none.
+    """
+    random, sites = Random(seed), 20
+    fleet = SharedFleet.of(folder, sites, robots, declared=True)
+    some = iter(
+        random.sample([each for each in fleet.robots.values() if each.site != "s5"], robots // 50)
+    )
+
+    def break_some() -> None:
+        for robot in islice(some, robots // 100):
+            robot.broken = True
+
+    def start(number: int, count: int, *, until: float) -> None:
+        fleet.start(number, count)
+        fleet.pass_to(until)
+
+    start(1, 2, until=0)
+    start(2, 2, until=45)  # settled
+    break_some()
+    for robot in fleet.robots.values():
+        robot.speaks = robot.site != "s5"
+    fleet.pass_to(80)
+    fleet.check(fleet.expected({"s5"}))
+    start(3, 3, until=125)
+    start(1, 3, until=140)
+    start(2, 3, until=200)
+    fleet.check(fleet.expected({"s5"}))
+    fleet.stop(3, kill=True)
+    break_some()  # some of these are of the one that is dead
+    fleet.pass_to(225)
+    start(3, 3, until=275)
+    expected = fleet.expected({"s5"})
+    fleet.check(expected)
+    for robot in fleet.robots.values():
+        robot.broken, robot.speaks = False, True
+    fleet.pass_to(340)
+    fleet.check(set())
+    assert fleet.begun().keys() == expected
+    for number in list(fleet.running):
+        fleet.stop(number)
+    return fleet
 
 
 def _samples(others: OtherExporters, now: Instant) -> Iterator[tuple[dict[str, str], float]]:

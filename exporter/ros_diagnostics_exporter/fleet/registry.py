@@ -36,6 +36,7 @@ SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # Seconds that a discovered robot has to publish something before it may be replaced by another:
 # monitors that publish once a minute exist (Autoware).
 TIME_TO_PUBLISH = 90.0
+MAX_ELSEWHERE = 100_000  # topics that are known to be of other exporters' robots
 MAX_REPLACED = 10_000  # topics of replaced robots, so that these are tried again last
 # Robots that are discovered before something was received of them. Those of a large fleet publish
 # within a second or two, and the next ones are found then. Invented ones do not.
@@ -58,6 +59,7 @@ class RobotRegistry:
         self._events = events
         self._faults = faults
         self.rejections = FleetRejections()
+        self._elsewhere: set[Topic] = set()  # that are of robots of other exporters
         self.unclaimed = UnclaimedWatch(fleet)
         # Discovered, and nothing received from them yet; the longest known first.
         self._not_publishing: OrderedDict[str, RobotState] = OrderedDict()
@@ -76,6 +78,7 @@ class RobotRegistry:
         the step, None for one that is not wanted.
         """
         self._fleet, self._configured = fleet, now.mono
+        self._elsewhere = set() if fleet.shard is None else {*fleet.shard.elsewhere}
         self.unclaimed.configure(fleet)
         self.series.limit = fleet.limits.series
         self._newcomers_series.limit = fleet.limits.series // NEWCOMERS_SHARE
@@ -249,8 +252,7 @@ class RobotRegistry:
         if self._must_wait(now):
             return  # else somebody who offers 20,000 topics has each look go through them all
         topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
-        shard = self._fleet.shard
-        known = (self.bindings, self.shared_topics, () if shard is None else shard.elsewhere)
+        known = (self.bindings, self.shared_topics, self._elsewhere)
         new = [each for each in topics if not any(each in topics for topics in known)]
         new.sort(key=lambda topic: self._replaced.get(topic, -inf))
         any_type = [Topic(domain_id, name) for name, each in endpoints.items() if each.is_offered]
@@ -283,7 +285,8 @@ class RobotRegistry:
             for topic in any_type if discovery.source is config.Source.NONE else arrays:
                 if not left or self._must_wait(now):
                     return
-                if topic not in self.bindings and not self._discover(discovery, topic, now):
+                is_known = topic in self.bindings or topic in self._elsewhere
+                if not is_known and not self._discover(discovery, topic, now):
                     left -= 1
 
     def _must_wait(self, now: Instant) -> bool:
@@ -296,7 +299,12 @@ class RobotRegistry:
     def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> bool:
         """Add a topic's robot where the config wants it; False where a limit rejects it."""
         name = robot_name(discovery, topic.name, topic.domain_id)
-        if name is None or not self._fleet.has(name):
+        if name is None:
+            return True
+        if not self._fleet.has(name):
+            if len(self._elsewhere) > MAX_ELSEWHERE:
+                self._elsewhere.clear()
+            self._elsewhere.add(topic)
             return True
         known = self.robots.get(name)
         if known is not None and _is_at(known.settings, discovery, topic):
