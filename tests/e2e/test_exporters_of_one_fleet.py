@@ -1,10 +1,13 @@
 """Exporters of one fleet: one for each subnet, and two that share the robots of a LAN."""
 
+from collections.abc import Callable
+
 import pytest
 
+from ros_diagnostics_exporter.config.shard import Shard
 from support.orders import Orders
 from testbed.polling import until
-from testbed.site import Site
+from testbed.site import Exporter, Site
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -156,3 +159,48 @@ def test_two_exporters_share_the_robots_of_a_lan(site: Site):
     alerts.becomes(("FleetPartDown", "shard", ""))
     robots.process.start()
     alerts.becomes()
+
+
+def test_a_robot_that_moves_to_a_third_exporter_keeps_its_fault(site: Site):
+    """The third is started first; then both others start again, from their databases."""
+    config = site.write("fleet.yml", SHARED.format(domain=site.domain_id))
+    site.start_robots(len(ROBOTS))
+    site.start_alertmanager()
+    prometheus = f"--prometheus.url=http://{site.addresses.prometheus}"
+
+    def make(number: int, count: int) -> Exporter:
+        database = f"--storage.path={site.folder / f'shard-{number}.db'}"
+        flags = (f"--shard={number}/{count}", prometheus, database)
+        return site.make_exporter(config, *flags, name=f"exporter-{number}-of-{count}")
+
+    two, three = ([make(number, count) for number in range(1, count + 1)] for count in (2, 3))
+    for each in two:
+        site.start(each)
+    until(lambda: {name for each in two for name in each.receives()} == ROBOTS, "all", 120)
+    site.start_prometheus(interval=1, tenth=True)
+    alerts, orders = Alerts(site), site.use(Orders(site.domain_id))
+    moves = min(name for name in ROBOTS if Shard(3, 3).has(name))
+    fault = ("ComponentCritical", "", moves)
+    orders.give([(f"{moves}/Motor 1", "error")])
+    until(lambda: fault in alerts.firing(), "the fault fires", 60)
+
+    def wait(reached: Callable[[], bool], what: str) -> None:
+        def is_reached() -> bool:
+            assert fault in alerts.firing(), "it has resolved"
+            return reached()
+
+        until(is_reached, what, 120, every=0.5)
+
+    site.start(three[2])
+    settled = 'ros_diagnostics_exporter_settled{exporter="shard-3"}'
+    wait(lambda: alerts.engine.value(settled) == 1, "the third has settled")
+    for old, new in zip(two, three, strict=False):
+        old.process.stop()
+        site.start(new)
+        wait(lambda new=new: bool(new.receives()), f"{new.name} receives robots")
+    wait(
+        lambda: sorted(n for each in three for n in each.receives()) == sorted(ROBOTS), "each once"
+    )
+    assert moves in three[2].receives()
+    orders.give([(f"{moves}/Motor 1", "ok")])
+    until(lambda: fault not in alerts.firing(), "it is over", 60)
