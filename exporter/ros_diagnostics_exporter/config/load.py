@@ -98,7 +98,7 @@ def _fleet(reading: _Reading, shard: Shard | None) -> Fleet | None:
     own, profiles = resolved(document, problems, stale_is_critical=stale_is_critical)
     profiles_valid = len(problems) == known
     checked = _checked(replace(reading, profiles=profiles), own)
-    problems.extend(find_conflicts(checked, top.limits if top else Limits()))
+    problems.extend(find_conflicts(checked, top.limits if top else Limits(), shard))
     if top is None:
         return None
     # In place of a profile that is not valid there is one without capabilities.

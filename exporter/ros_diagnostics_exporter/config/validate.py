@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
 )
 from ros_diagnostics_exporter.config.keys import Entry, validated
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath
 from ros_diagnostics_exporter.model import Domain, place
 
@@ -92,7 +93,9 @@ _WAY_OUT = (
 )
 
 
-def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
+def find_conflicts(
+    checked: Checked, limits: Limits, shard: Shard | None = None
+) -> Iterator[Finding]:
     """Names and topics that are used twice, more robots or queries than the limit."""
     what = "the name {1} is already used by the robot in {0}"
     yield from _twice(checked.robots, "name", what, "give each robot a name of its own")
@@ -105,8 +108,9 @@ def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
     if len(checked.queries) > MAX_QUERIES:
         what = f"{len(checked.queries)} queries are declared, above the limit of {MAX_QUERIES}"
         yield checked.document.problem(("queries",), what, "have one expression for all robots")
-    if len(checked.robots) > limits.robots:
-        what = f"{len(checked.robots)} robots are declared, above the limit of {limits.robots}"
+    number = sum(shard is None or shard.has(each.entry.name) for each in checked.robots)
+    if number > limits.robots:
+        what = f"{number} robots are declared, above the limit of {limits.robots}"
         yield checked.document.problem(("limits", "robots"), what, "raise limits.robots")
 
 

@@ -89,6 +89,14 @@ def test_an_exporter_knows_the_topics_of_robots_that_are_elsewhere_by_their_name
     assert not any("/r3/" in each.name for each in part.shard.elsewhere)
 
 
+def test_the_limit_of_robots_is_that_of_one_exporter(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text(f"{HALL}\nlimits: {{robots: 3}}")
+    assert len(load(path, Shard(1, 2)).robots) == 3
+    with pytest.raises(ConfigError, match="5 robots are declared, above the limit of 3"):
+        load(path)
+
+
 @pytest.mark.parametrize(
     ("given", "own", "together"), [("", "shard-2", "shard"), ("berlin", "berlin-2", "berlin")]
 )
