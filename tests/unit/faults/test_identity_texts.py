@@ -3,6 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.faults.model import (
     Identity,
     Scope,
@@ -51,3 +52,16 @@ def test_the_id_of_a_fault_is_the_same_for_ever():
 
     assert fault_id(a, of_robot) == fault_id(b, of_robot) == "91014e685cc2"
     assert [fault_id(each, of_site) for each in (a, b)] == ["8e030bfacb59", "a0afa3224c46"]
+
+
+def test_what_shards_judge_alike_has_one_id_and_what_is_wrong_with_each_another():
+    shards = [Fleet("f").part(Shard(number, 2)) for number in (1, 2)]
+    more = Fleet("f").part(Shard(1, 3))
+    for of, number in (
+        (Identity(Scope.SITE, State.SILENT, site="hall"), 1),
+        (Identity(Scope.COMMON, State.CRITICAL, component="c"), 1),
+        (Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="c"), 1),
+        (Identity(Scope.EXPORTER, State.WARNING, component="database"), 2),
+    ):
+        assert len({fault_id(each, of) for each in shards}) == number
+        assert fault_id(more, of) == fault_id(shards[0], of)

@@ -4,7 +4,11 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter import firing
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.shard import Shard
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.silences import Alert, valid
 from support.as_listed import read_firing
 
 MOTOR = {
@@ -47,6 +51,15 @@ def test_a_fault_of_no_robot_is_that_of_the_exporter_of_its_name():
         {},
     )
     assert read_firing([alert({**SITE, "exporter": "south"}), alert(SITE)], "f", "north") == []
+
+
+def test_what_shards_judge_alike_is_the_fault_of_each_and_what_is_wrong_with_one_its_own():
+    own = {**SITE, "scope": "exporter", "state": "warning", "severity": "warning", "site": ""}
+    named = [{**SITE, "exporter": "shard"}, {**own, "component": "database", "exporter": "shard-1"}]
+    listed = valid(Alert, list(map(alert, named)))
+    shards = [Fleet("f").part(Shard(number, 2)) for number in (1, 2)]
+    found = [[each.identity.scope for each in firing.read(listed, fleet)] for fleet in shards]
+    assert found == [[Scope.SITE, Scope.EXPORTER], [Scope.SITE]]
 
 
 @pytest.mark.parametrize(
