@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import click
 
+PATH = click.Path(path_type=Path)
 _PORTS = 65_535
 _UNITS = {"kB": 1_000, "MB": 1_000_000}
 T = TypeVar("T")

@@ -100,7 +100,11 @@ in ~/.zshrc with zsh_source; for fish see docs/commands.md.
 """
 
 
-@click.group(cls=Commands, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Commands,
+    epilog=EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+)
 @click.version_option(__version__, prog_name=PROGRAM)
 def command() -> None:
     """Ask a ROS diagnostics exporter about its fleet, and act on what it says."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from ros_diagnostics_exporter.texts import nearest, without_node
 from ros_diagnostics_tools.errors import NotDoneError
+
+_SPECIAL = re.compile(r"[][\\.+*?(){}|^$]")  # of RE2
 
 
 def meant(word: str, names: Iterable[str], *, by_part: bool = True) -> str:
@@ -42,3 +45,8 @@ def hint(name: str, names: Iterable[str]) -> str:
     """The name that was meant, perhaps; "" if none is similar."""
     near = nearest(name, names)
     return f"; the nearest is {near!r}" if near else ""
+
+
+def escaped(text: str) -> str:
+    """An expression that matches just this text; `regex.escape` escapes every blank, too."""
+    return _SPECIAL.sub(r"\\\g<0>", text)

@@ -18,7 +18,9 @@ from typing import Any, NamedTuple
 import click
 import yaml
 
-from ros_diagnostics_exporter.http_client import Client
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.silences import Kind, valid
+from ros_diagnostics_tools.flag_types import PATH
 from ros_diagnostics_tools.times import Duration
 
 EXPORTER_URL = "http://127.0.0.1:9877"
@@ -37,6 +39,18 @@ class Servers(NamedTuple):
     options: dict[str, Any]
 
 
+def listed(alertmanager: Client, kind: type[Kind], path: str) -> list[Kind]:
+    """The alerts or silences that Alertmanager has at a path.
+
+    Raises:
+        UnreachableError: It does not answer, or is none.
+    """
+    try:
+        return valid(kind, alertmanager.get(path))
+    except ValueError as error:
+        raise UnreachableError(f"{alertmanager.url} is not an Alertmanager") from error
+
+
 def with_servers(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the flags for the servers; the function gets them as ``servers``."""
 
@@ -45,7 +59,6 @@ def with_servers(function: Callable[..., Any]) -> Callable[..., Any]:
         flags = {name: given.pop(name) for name in (*_KEYS, "timeout")}
         return function(servers=_servers(flags), **given)
 
-    path = click.Path(path_type=Path)
     options = (
         click.option(
             "-u",
@@ -57,16 +70,15 @@ def with_servers(function: Callable[..., Any]) -> Callable[..., Any]:
             "--alertmanager", metavar="URL", help=f"Alertmanager.  [default: {ALERTMANAGER_URL}]"
         ),
         click.option("--user", metavar="NAME", help="For basic auth at these servers."),
-        click.option("--password-file", type=path, help="The user's password, in one line."),
-        click.option("--ca-file", type=path, help="CA of the servers' certificates."),
-        click.option("--cert-file", type=path, help="Client certificate, with --key-file."),
-        click.option("--key-file", type=path, help="Key of --cert-file."),
+        click.option("--password-file", type=PATH, help="The user's password, in one line."),
+        click.option("--ca-file", type=PATH, help="CA of the servers' certificates."),
+        click.option("--cert-file", type=PATH, help="Client certificate, with --key-file."),
+        click.option("--key-file", type=PATH, help="Key of --cert-file."),
         click.option(
             "-t",
             "--timeout",
             type=Duration(),
             default="10s",
-            show_default=True,
             help="How long to wait for a response.",
         ),
     )

@@ -53,7 +53,6 @@ def with_output(*more: str) -> Callable[..., Any]:
         "--output",
         type=click.Choice(("table", "json", *more)),
         default="table",
-        show_default=True,
         help="For people, or for other programs.",
     )
 

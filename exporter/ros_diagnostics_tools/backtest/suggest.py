@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from array import array
 from bisect import bisect_left
 from collections import defaultdict
@@ -28,6 +27,7 @@ from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result
+from ros_diagnostics_tools.names import escaped
 
 FEW = 5  # examples without which nothing is proposed
 MANY = 10  # as many, where there is nothing longer to compare with
@@ -39,7 +39,6 @@ QUIET = 300.0  # seconds for which a robot goes on after what reported trouble a
 ENDS_AFTER = 600.0  # seconds, where no two reports show how often it repeats itself
 NUMBERS = 100  # gaps, or values while OK, without which nothing is proposed
 APART = 0.2  # share of the OK range by which values in trouble have to be away from it
-_SPECIAL = re.compile(r"[\\^$.|?*+()\[\]{}]")
 _NICE = (1, 2, 3, 5, 10, 15, 20, 30, 45, 60, 90, 120, 180, 300)
 
 
@@ -314,12 +313,7 @@ def _component(
 
 
 def _exactly(name: str) -> str:
-    return f"^{_escape(name)}$"
-
-
-def _escape(text: str) -> str:
-    """An expression that matches just this text; `regex.escape` escapes every blank, too."""
-    return _SPECIAL.sub(r"\\\g<0>", text)
+    return f"^{escaped(name)}$"
 
 
 # -- thresholds --------------------------------------------------------------------------------
@@ -343,7 +337,7 @@ def _thresholds(statistics: Statistics, profile: Profile) -> Iterator[Suggestion
         )
         entry = {
             "component": {"regex": _exactly(component)},
-            "key": {"regex": _escape(key)},
+            "key": {"regex": escaped(key)},
             "thresholds": {bound: {"warning": number}},
         }
         about = f"{component}: {key}"

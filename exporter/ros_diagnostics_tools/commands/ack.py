@@ -20,12 +20,12 @@ from ros_diagnostics_exporter.acknowledging import (
     problems,
     silence,
 )
-from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.silences import Alert, Kind, Silence, valid
+from ros_diagnostics_exporter.http_client import Client
+from ros_diagnostics_exporter.silences import Alert, Silence
 from ros_diagnostics_exporter.texts import escape, one_line
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.names import meant
-from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.servers import Servers, listed, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
     check_comment,
@@ -255,15 +255,8 @@ def _list(client: Client, fleet: str | None, output: str) -> None:
 
 def _alerts(client: Client, fleet: str | None) -> list[Alert]:
     query = [("filter", f'fleet="{escape(fleet)}"')] if fleet else []
-    return _listed(client, Alert, "/api/v2/alerts" + (f"?{urlencode(query)}" if query else ""))
+    return listed(client, Alert, "/api/v2/alerts" + (f"?{urlencode(query)}" if query else ""))
 
 
 def _silences(client: Client) -> list[Silence]:
-    return _listed(client, Silence, "/api/v2/silences")
-
-
-def _listed(client: Client, kind: type[Kind], path: str) -> list[Kind]:
-    try:
-        return valid(kind, client.get(path))
-    except ValueError as error:
-        raise UnreachableError(f"{client.url} is not an Alertmanager") from error
+    return listed(client, Silence, "/api/v2/silences")

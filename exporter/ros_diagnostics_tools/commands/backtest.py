@@ -32,11 +32,12 @@ from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
 from ros_diagnostics_tools.errors import NotDoneError
-from ros_diagnostics_tools.flag_types import Checked
+from ros_diagnostics_tools.flag_types import PATH, Checked
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
 from ros_diagnostics_tools.times import Duration
 
 SHOW_EVERY = 500  # messages between two steps of the progress bar
+HOW = ("timeout", "user", "password_file", "bearer_token_file", "ca_file")
 JOB = {"job": "ros-diagnostics", "instance": "backtest"}
 
 
@@ -55,24 +56,11 @@ class BacktestOptions:
     output: str
     quiet: bool
     prometheus: str | None
-    timeout: float
-    user: str | None
-    password_file: Path | None
-    bearer_token_file: Path | None
-    ca_file: Path | None
+    how: dict[str, Any]  # it is asked
 
     def client(self) -> Client | None:
         """What the queries are asked, if anything."""
-        if self.prometheus is None:
-            return None
-        return Client(
-            self.prometheus,
-            timeout=self.timeout,
-            user=self.user,
-            password_file=self.password_file,
-            bearer_token_file=self.bearer_token_file,
-            ca_file=self.ca_file,
-        )
+        return None if self.prometheus is None else Client(self.prometheus, **self.how)
 
 
 class NothingJudgedError(Exception):
@@ -84,9 +72,6 @@ def _namespace(text: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*", name):
         raise ValueError(f"{text!r} is not a ROS namespace such as robot_1")
     return f"/{name}"
-
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command(
@@ -124,7 +109,6 @@ Into the history of Prometheus:
     "--openmetrics-interval",
     type=Duration(),
     default="15s",
-    show_default=True,
     help="Time between two of its scrapes.",
 )
 @click.option(
@@ -145,13 +129,7 @@ Into the history of Prometheus:
     help="A Prometheus that has the series of that time: the configuration's `queries` are judged, "
     "too.",
 )
-@click.option(
-    "--timeout",
-    type=Duration(),
-    default="30s",
-    show_default=True,
-    help="How long to wait for an answer.",
-)
+@click.option("--timeout", type=Duration(), default="30s", help="How long to wait for an answer.")
 @click.option("--user", metavar="NAME", help="User of that Prometheus.")
 @click.option("--password-file", type=PATH, help="The user's password, in one line.")
 @click.option("--bearer-token-file", type=PATH, help="A token, in place of user and password.")
@@ -165,7 +143,8 @@ def command(**given: Any) -> None:
     or an exporter's database (a copy: its file --storage.path), of which levels and silences are
     judged. Several are merged by time; what lies between them counts as a stopped exporter.
     """
-    options = BacktestOptions(**given)
+    how = {name: given.pop(name) for name in HOW}
+    options = BacktestOptions(**given, how=how)
     if options.output == "csv" and (options.compare or options.suggest):
         raise click.UsageError("--output csv has notifications only: take --output json")
     try:

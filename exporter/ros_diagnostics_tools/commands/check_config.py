@@ -13,14 +13,13 @@ from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.fleet_texts import query_text
 from ros_diagnostics_tools.capability_notes import capability_notes
+from ros_diagnostics_tools.flag_types import PATH
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
 
 @click.command(epilog="Example: ros-diagnostics check-config fleet.yml --live")
-@click.argument(
-    "file", type=click.Path(path_type=Path), default=Path("fleet.yml"), metavar="[FLEET.YML]"
-)
+@click.argument("file", type=PATH, default=Path("fleet.yml"), metavar="[FLEET.YML]")
 @click.option(
     "--live",
     is_flag=True,

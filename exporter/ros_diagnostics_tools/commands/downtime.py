@@ -30,13 +30,12 @@ from ros_diagnostics_exporter.silences import (
     downtime_matchers,
     downtime_of,
     silence,
-    valid,
 )
 from ros_diagnostics_exporter.texts import escape, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.flag_types import NamedPair
 from ros_diagnostics_tools.names import hint, meant, no_robot
-from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.servers import Servers, listed, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
     check_comment,
@@ -290,10 +289,7 @@ def _planned(client: Client, fleet: str | None) -> list[Planned]:
     query = [("filter", f'alertname="{ESCALATION}"')]
     if fleet:
         query.append(("filter", f'fleet="{escape(fleet)}"'))
-    try:
-        silences = valid(Silence, client.get(f"/api/v2/silences?{urlencode(query)}"))
-    except ValueError as error:
-        raise UnreachableError(f"{client.url} is not an Alertmanager") from error
+    silences = listed(client, Silence, f"/api/v2/silences?{urlencode(query)}")
     found = [
         Planned(each.id, matched["fleet"], downtime)
         for each in silences

@@ -19,7 +19,11 @@ PATH = "/api/v1/faults"
 
 @click.command(epilog="Example: ros-diagnostics faults --robot 'arm_*' --output json")
 @click.option(
-    "--robot", default="*", metavar="PATTERN", help="Only of these robots; * and ? are wildcards."
+    "--robot",
+    default="*",
+    show_default=False,
+    metavar="PATTERN",
+    help="Only of these robots; * and ? are wildcards.",
 )
 @with_output()
 @with_servers

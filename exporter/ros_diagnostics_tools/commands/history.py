@@ -34,7 +34,6 @@ Examples:
     "--since",
     type=Moment(),
     default="1h",
-    show_default=True,
     metavar="TIME",
     help="How far to go back: 10m (ago), 14:30, 2027-01-31T14:30.",
 )

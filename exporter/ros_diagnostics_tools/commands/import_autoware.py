@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.texts import printable
 from ros_diagnostics_tools.autoware.convert import Imported, convert
 from ros_diagnostics_tools.autoware.graph import GraphError, read
 from ros_diagnostics_tools.errors import NO, NotDoneError, UnusableError
-from ros_diagnostics_tools.flag_types import Checked
+from ros_diagnostics_tools.flag_types import PATH, Checked
 from ros_diagnostics_tools.terminal import print_json, with_output
 
 NAME = Checked(name)
@@ -52,25 +52,17 @@ Exit codes: 0 everything is in the output; 1 something is not, see the report; 2
 right, or no graph.
 """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE..."
-)
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
 @click.option(
     "--output-file",
     "target",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Write fleet.yml here, in place of printing it.",
 )
 @click.option("--force", is_flag=True, help="Overwrite the output file.")
-@click.option("--fleet", type=NAME, default="autoware", show_default=True, help="Its name.")
-@click.option(
-    "--profile",
-    type=Checked(name),
-    default="autoware",
-    show_default=True,
-    help="The profile's name.",
-)
+@click.option("--fleet", type=NAME, default="autoware", help="Its name.")
+@click.option("--profile", type=Checked(name), default="autoware", help="The profile's name.")
 @click.option(
     "--unit",
     "paths",

@@ -6,14 +6,13 @@ import logging
 import signal
 import threading
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import click
 
 from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_tools.errors import NotDoneError
-from ros_diagnostics_tools.flag_types import Address, Size
+from ros_diagnostics_tools.flag_types import PATH, Address, Size
 from ros_diagnostics_tools.mail_relay import Relay, Smarthost, from_exporter
 from ros_diagnostics_tools.servers import Servers, with_servers
 
@@ -31,33 +30,23 @@ Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
     "--listen",
     type=Address(),
     default="127.0.0.1:2525",
-    show_default=True,
     help="The address that Alertmanager sends to. Anyone who can reach it can send mail.",
 )
-@click.option(
-    "--smarthost",
-    type=Address(),
-    default="localhost:25",
-    show_default=True,
-    help="The mail server.",
-)
+@click.option("--smarthost", type=Address(), default="localhost:25", help="The mail server.")
 @click.option("--starttls", is_flag=True, help="Encrypt the connection to the mail server.")
 @click.option(
     "--smarthost-ca-file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="CA of the mail server's certificate.  [default: this machine's]",
 )
 @click.option("--smarthost-user", metavar="NAME", help="Log in at the mail server.")
 @click.option(
-    "--smarthost-password-file",
-    type=click.Path(path_type=Path),
-    help="The password at the mail server, in one line.",
+    "--smarthost-password-file", type=PATH, help="The password at the mail server, in one line."
 )
 @click.option(
     "--attach-below",
     type=Size(),
     default="100kB",
-    show_default=True,
     help="Attach the recordings of a mail only if all of them together are at most this large.",
 )
 @with_servers

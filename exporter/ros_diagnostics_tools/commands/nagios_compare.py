@@ -18,7 +18,7 @@ from rich.text import Text
 
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_tools.errors import NO, UnusableError
-from ros_diagnostics_tools.flag_types import NamedPair
+from ros_diagnostics_tools.flag_types import PATH, NamedPair
 from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
 from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
@@ -58,7 +58,7 @@ Example:
       /var/log/nagios4/archives/*.log --since 14d --service Motors=Motor
 """,
 )
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
+@click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG...")
 @click.option(
     "--service",
     multiple=True,
@@ -78,7 +78,6 @@ Example:
     "--late",
     type=Duration(),
     default="2m",
-    show_default=True,
     help="A notification that both sent is listed as late if its two times are further apart than "
     "this.",
 )
@@ -86,12 +85,11 @@ Example:
     "--within",
     type=Duration(),
     default="15m",
-    show_default=True,
     help="Two notifications that are further apart than this are not the same one.",
 )
 @click.option(
     "--events",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="A saved answer of the exporter's /api/v1/events?kind=notified, instead of asking it.",
 )

@@ -13,7 +13,7 @@ import click
 
 from ros_diagnostics_exporter.config.scalars import name, time_zone
 from ros_diagnostics_tools.errors import NO, NotDoneError
-from ros_diagnostics_tools.flag_types import Checked
+from ros_diagnostics_tools.flag_types import PATH, Checked
 from ros_diagnostics_tools.nagios.importer.convert import (
     REPORT,
     TITLES,
@@ -34,28 +34,23 @@ Example:
   ros-diagnostics check-config new/fleet.yml
 """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE..."
-)
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
 @click.option(
     "--to",
     "folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("from-nagios"),
-    show_default=True,
     metavar="DIR",
     help="The folder to write to.",
 )
 @click.option(
     "--into",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="An alertmanager.yml: write it with the routes in it, in place of the routes alone.",
 )
 @click.option("--force", is_flag=True, help="Overwrite the files that are there.")
-@click.option(
-    "--fleet", type=Checked(name), default="nagios", show_default=True, help="The fleet's name."
-)
+@click.option("--fleet", type=Checked(name), default="nagios", help="The fleet's name.")
 @click.option(
     "--plugin",
     multiple=True,

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.config.scalars import DAYS
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_tools.errors import NO, UnusableError
+from ros_diagnostics_tools.flag_types import PATH
 from ros_diagnostics_tools.oncall.build import build, built_until, check
 from ros_diagnostics_tools.oncall.calendar import NoCalendarError, calendar
 from ros_diagnostics_tools.oncall.file import Level, OnCall, load
@@ -31,7 +32,6 @@ from ros_diagnostics_tools.times import Duration, moment
 MOST_BYTES = 64 * 1024 * 1024
 COLUMNS = ("Team", "Level", "On call", "Email", "Phone", "Until", "Then")
 _DIGEST = "# sha256 of the two: "
-PATH = click.Path(path_type=Path)
 
 
 @dataclass(frozen=True)
@@ -64,16 +64,8 @@ def _with_rota(function: Callable[..., Any]) -> Callable[..., Any]:
             raise UnusableError(str(error)) from error
 
     options = (
-        click.option(
-            "--file", type=PATH, default=Path("oncall.yml"), show_default=True, help="The rota."
-        ),
-        click.option(
-            "--ahead",
-            type=Duration(),
-            default="13w",
-            show_default=True,
-            help="How far to look ahead.",
-        ),
+        click.option("--file", type=PATH, default=Path("oncall.yml"), help="The rota."),
+        click.option("--ahead", type=Duration(), default="13w", help="How far to look ahead."),
     )
     run.__doc__ = function.__doc__
     decorated: Callable[..., Any] = run
@@ -85,17 +77,12 @@ def _with_rota(function: Callable[..., Any]) -> Callable[..., Any]:
 def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the flags of what is built: Alertmanager's configuration, and when to warn."""
     before = click.option(
-        "--warn-before",
-        type=Duration(),
-        default="14d",
-        show_default=True,
-        help="How long before its end to warn.",
+        "--warn-before", type=Duration(), default="14d", help="How long before its end to warn."
     )
     config = click.option(
         "--config",
         type=PATH,
         default=Path("alertmanager.yml"),
-        show_default=True,
         help="Alertmanager's configuration.",
     )
     return config(before(function))
@@ -109,7 +96,6 @@ def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
     "--to",
     type=PATH,
     default=Path("alertmanager-oncall.yml"),
-    show_default=True,
     help="What to write; in the same folder as --config.",
 )
 @click.option("--rules", type=PATH, help="Also write a rule that fires before the rota ends.")

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.events import MOMENTS
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_tools.flag_types import Address
+from ros_diagnostics_tools.flag_types import PATH, Address
 from ros_diagnostics_tools.report.availability import DAY, Recorded
 from ros_diagnostics_tools.report.numbers import DAYS, numbers
 from ros_diagnostics_tools.report.page import page, subject_line, text
@@ -43,6 +43,7 @@ Examples:
     "--until",
     type=Moment(),
     default="0s",
+    show_default=False,
     metavar="TIME",
     help="The end of the week: 10m (ago), 06:00, 2027-02-01.  [default: now]",
 )
@@ -50,25 +51,19 @@ Examples:
     "--target",
     type=click.FloatRange(0, 100),
     default=99.0,
-    show_default=True,
     help="The availability that you aim at, in percent.",
 )
 @click.option(
     "--prometheus",
     metavar="URL",
     default=PROMETHEUS_URL,
-    show_default=True,
     help="The Prometheus that has the rules of availability.",
 )
-@click.option(
-    "--file", type=click.Path(path_type=Path), help="Write to this file.  [default: stdout]"
-)
+@click.option("--file", type=PATH, help="Write to this file.  [default: stdout]")
 @click.option("--mail-to", multiple=True, metavar="ADDRESS", help="Mail it to ADDRESS; repeatable.")
 @click.option("--mail-from", metavar="ADDRESS", help="The sender, with --mail-to.")
-@click.option(
-    "--smtp", type=Address(), default="127.0.0.1:25", show_default=True, help="Mail server."
-)
-@click.option("--output", type=click.Choice(("html", "json")), default="html", show_default=True)
+@click.option("--smtp", type=Address(), default="127.0.0.1:25", help="Mail server.")
+@click.option("--output", type=click.Choice(("html", "json")), default="html")
 @with_servers
 def command(
     *,

@@ -59,7 +59,11 @@ class States(Written[frozenset[str]]):
 @click.command(epilog="Example: ros-diagnostics status --state critical,silent --watch")
 @click.option("--state", type=States(), metavar="STATE[,STATE]", help="Only robots in these.")
 @click.option(
-    "--robot", default="*", metavar="PATTERN", help="Only these robots; * and ? are wildcards."
+    "--robot",
+    default="*",
+    show_default=False,
+    metavar="PATTERN",
+    help="Only these robots; * and ? are wildcards.",
 )
 @click.option(
     "--component",

@@ -27,7 +27,6 @@ PART = "TEST, nothing is wrong"
     "--severity",
     type=click.Choice(("critical", "warning")),
     default="critical",
-    show_default=True,
     help="The severity of the alert. Routes may choose a receiver by it.",
 )
 @click.option("--receiver", metavar="NAME", help="Fail if the routes do not lead to this receiver.")
@@ -36,7 +35,6 @@ PART = "TEST, nothing is wrong"
     "lasts",
     type=Duration(),
     default="2m",
-    show_default=True,
     help="How long it fires. Then its recovery is sent.",
 )
 @with_output()

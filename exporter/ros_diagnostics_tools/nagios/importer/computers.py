@@ -17,6 +17,7 @@ from ros_diagnostics_tools.nagios.importer.inheritance import Thing
 from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot, confirm_after
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
+from ros_diagnostics_tools.names import escaped
 
 WHERE = "queries.d/hosts.yml"
 _ANSWERS = {"low": {"critical": 0.5}}
@@ -211,6 +212,6 @@ def _of_robots(query: dict[str, Any], names: list[str], robots: list[Robot]) -> 
     """The query, of some robots only where not all have the check."""
     if set(names) >= {robot.name for robot in robots}:
         return query
-    some = "|".join(re.sub(r"([][.+*?(){}^$|\\])", r"\\\\\1", each) for each in names)
+    some = "|".join(escaped(each).replace("\\", "\\\\") for each in names)
     job = re.compile(r'(job="ros-diagnostics-\w+")')
     return {**query, "expr": job.sub(lambda found: f'{found[1]}, robot=~"{some}"', query["expr"])}

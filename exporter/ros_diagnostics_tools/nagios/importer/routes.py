@@ -7,7 +7,6 @@ with the routes of the shipped alertmanager.yml, which follow.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -20,6 +19,7 @@ from ros_diagnostics_tools.nagios.importer.ledger import Effect
 from ros_diagnostics_tools.nagios.importer.robots import Robot, check_name
 from ros_diagnostics_tools.nagios.importer.rotas import Turn
 from ros_diagnostics_tools.nagios.importer.site import Site
+from ros_diagnostics_tools.names import escaped
 
 Kind = Literal["host", "service"]
 # An option of Nagios -> the alerts, without RosDiagnostics.
@@ -119,7 +119,7 @@ class _Router:
         """Matchers for the components that a filter selects, and for the checks that count them."""
         if not words:
             return parts(words)
-        names = "|".join(map(_escaped, sorted(self._checks[words])))
+        names = "|".join(map(escaped, sorted(self._checks[words])))
         return [*parts(words), [f"check =~ {_quoted(names)}"]]
 
     def _of_robot(self, robot: Robot) -> Iterator[tuple[str, Kind, tuple[Recipient, ...]]]:
@@ -411,13 +411,8 @@ def parts(words: str) -> list[list[str]]:
     """Matchers for the components that a filter of a plug-in selects by name, or by their group."""
     if not words:
         return [[]]
-    found = _quoted(f"(?i).*{_escaped(words)}.*")
+    found = _quoted(f"(?i).*{escaped(words)}.*")
     return [[f"component =~ {found}"], [f"group =~ {found}"]]
-
-
-def _escaped(text: str) -> str:
-    """Text as a regular expression of RE2."""
-    return re.sub(r"([][.+*?(){}^$|\\])", r"\\\1", text)
 
 
 def _quoted(text: str) -> str:
@@ -425,7 +420,7 @@ def _quoted(text: str) -> str:
 
 
 def _robots(names: list[str]) -> str:
-    return f"robot =~ {_quoted('|'.join(map(_escaped, names)))}"
+    return f"robot =~ {_quoted('|'.join(map(escaped, names)))}"
 
 
 def _alerts(names: Iterable[str]) -> str:
