@@ -24,16 +24,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(
-    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., tuple[int, str, str]]:
-    """Runs the command on a text (indented as the test is): exit code, its two outputs."""
+def run(folder, capfd, monkeypatch) -> Callable[..., tuple[str, str]]:
+    """A function (text, words, now, code=0): what the command prints of a text, `out` and `err`."""
 
-    def run(text: str, *arguments: str, now: datetime | None = None) -> tuple[int, str, str]:
+    def run(text: str, *words: str, now: datetime | None = None, code: int = 0) -> tuple[str, str]:
         (folder / "oncall.yml").write_text(dedent(text), encoding="utf-8")
         if now is not None:
             monkeypatch.setattr(oncall, "_now", lambda: now)
-        code = main(["oncall", *arguments])
-        return code, *capfd.readouterr()
+        assert main(["oncall", *words]) == code
+        return capfd.readouterr()
 
     return run

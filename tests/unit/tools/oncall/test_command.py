@@ -4,9 +4,7 @@ import json
 import re
 import stat
 import sys
-from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
-from pathlib import Path
 from typing import Any
 
 import icalendar
@@ -17,7 +15,6 @@ from ros_diagnostics_exporter.extras import install_command
 from support.called import called
 from support.shipped_rules import run_tool
 
-Run = Callable[..., tuple[int, str, str]]
 NOW = datetime(2027, 3, 22, 12, 34, 56, tzinfo=timezone.utc)  # 13:34 in Berlin
 FILE = """
 time_zone: Europe/Berlin
@@ -39,11 +36,8 @@ teams:
 """
 
 
-def test_who_is_on_call_now(run: Run):
-    code, output, errors = run(FILE, "who", now=NOW)
-
-    assert (code, errors) == (0, "")
-    title, _, *rows = (line.split() for line in output.splitlines())
+def test_who_is_on_call_now(run):
+    title, _, *rows = (line.split() for line in run(FILE, "who", now=NOW).out.splitlines())
     assert " ".join(title) == "on call at 2027-03-22 Mon 13:34 CET"
     until = ["2027-03-29", "Mon", "09:00", "CEST"]
     assert rows == [
@@ -61,48 +55,41 @@ def test_who_is_on_call_now(run: Run):
         ("2027-03-29T07:00:00+00:00", "anna"),
     ],
 )
-def test_who_is_on_call_at_a_time(run: Run, at: str, expected: str):
-    _, output, _ = run(FILE, "who", "--at", at, now=NOW)
-
-    assert output.splitlines()[2].split()[2] == expected
+def test_who_is_on_call_at_a_time(run, at, expected):
+    found = run(FILE, "who", "--at", at, now=NOW).out.splitlines()
+    assert found[2].split()[2] == expected
 
 
 @pytest.mark.parametrize(
     ("at", "expected"), [("07:59Z", "ben"), ("08:00Z", "anna"), ("08:59Z", "anna")]
 )
-def test_an_override_begins_at_the_time_of_its_offset(run: Run, at: str, expected: str):
+def test_an_override_begins_at_the_time_of_its_offset(run, at, expected):
     override = "{person: anna, instead_of: ben, start: 2027-03-24T08:00Z, end: 2027-03-25T08:00Z}"
-    _, output, _ = run(f"{FILE}overrides: [{override}]", "who", "--at", f"2027-03-24T{at}", now=NOW)
+    who = ("who", "--at", f"2027-03-24T{at}")
+    found = run(f"{FILE}overrides: [{override}]", *who, now=NOW).out.splitlines()
+    assert found[2].split()[2] == expected
 
-    assert output.splitlines()[2].split()[2] == expected
 
-
-def test_two_teams_have_events_of_their_own_in_a_calendar(run: Run):
+def test_two_teams_have_events_of_their_own_in_a_calendar(run):
     levels = FILE.partition("- name: robots\n")[2]
     arms = f"  - name: arms\n    matchers: [team = arms]\n{levels}"
-    _, output, _ = run(FILE.replace("teams:\n", f"teams:\n{arms}"), "icalendar", now=NOW)
-
+    output = run(FILE.replace("teams:\n", f"teams:\n{arms}"), "icalendar", now=NOW).out
     found = [str(each["uid"]) for each in events(output)]
     assert any("-arms-" in each for each in found)
     assert len(set(found)) == len(found)
 
 
-def test_a_time_that_is_none(run: Run):
-    code, output, errors = run(FILE, "who", "--at", "noon", now=NOW)
-
-    assert (code, output) == (2, "")
+def test_a_time_that_is_none(run):
+    errors = run(FILE, "who", "--at", "noon", now=NOW, code=2).err
     assert "--at: 'noon' is no time; write it as 10m, 14:30, 2027-01-31" in errors
 
 
-def test_what_was_built_is_as_readable_as_alertmanager_yml(run: Run, folder: Path):
+def test_what_was_built_is_as_readable_as_alertmanager_yml(run, folder):
     """It may have a password in it, too."""
     (folder / "alertmanager.yml").chmod(0o640)
-
-    code, output, errors = run(FILE, "build", now=NOW)
-
+    found = "alertmanager-oncall.yml: on call until 2027-06-21 Mon 14:00 CEST\n"
+    assert run(FILE, "build", now=NOW) == (found, "")
     built = folder / "alertmanager-oncall.yml"
-    assert (code, errors) == (0, "")
-    assert output == "alertmanager-oncall.yml: on call until 2027-06-21 Mon 14:00 CEST\n"
     assert stat.S_IMODE(built.stat().st_mode) == 0o640
     assert sorted(each.name for each in folder.iterdir()) == [
         *("alertmanager-oncall.yml", "alertmanager.yml", "examples", "oncall.yml", "templates")
@@ -110,13 +97,9 @@ def test_what_was_built_is_as_readable_as_alertmanager_yml(run: Run, folder: Pat
 
 
 @pytest.mark.parametrize("output", ["alertmanager.yml", "../built.yml"])
-def test_an_output_that_would_not_work(run: Run, folder: Path, output: str):
+def test_an_output_that_would_not_work(run, folder, output):
     before = (folder / "alertmanager.yml").read_text()
-
-    code, _, errors = run(FILE, "build", "--to", output, now=NOW)
-
-    assert code == 2
-    assert errors == (
+    assert run(FILE, "build", "--to", output, now=NOW, code=2).err == (
         f"alertmanager.yml: {output} cannot be the output; name another file in the folder of "
         "alertmanager.yml, as its templates are there\n"
     )
@@ -124,69 +107,53 @@ def test_an_output_that_would_not_work(run: Run, folder: Path, output: str):
     assert not (folder.parent / "built.yml").exists()
 
 
-def test_a_folder_that_cannot_be_written(run: Run, folder: Path):
-    code, _, errors = run(FILE, "build", "--rules", "missing/oncall.yml", now=NOW)
-
-    assert code == 1
+def test_a_folder_that_cannot_be_written(run, folder):
+    errors = run(FILE, "build", "--rules", "missing/oncall.yml", now=NOW, code=1).err
     assert errors.startswith("ros-diagnostics: [Errno 2] No such file or directory: ")
 
 
 CHECK = ("check", "--built", "alertmanager-oncall.yml")
 
 
-def test_check_of_what_was_just_built(run: Run):
+def test_check_of_what_was_just_built(run):
     run(FILE, "build", now=NOW)
-
-    code, output, errors = run(FILE, *CHECK, now=NOW)
-
-    assert (code, errors) == (0, "")
-    assert output.splitlines() == [
+    found = run(FILE, *CHECK, now=NOW)
+    assert found.err == ""
+    assert found.out.splitlines() == [
         "oncall.yml: valid until 2027-06-21 Mon 14:34 CEST",
         "alertmanager-oncall.yml: on call until 2027-06-21 Mon 14:00 CEST",
     ]
 
 
-def test_check_warns_two_weeks_before_the_end(run: Run):
+def test_check_warns_two_weeks_before_the_end(run):
     run(FILE, "build", "--ahead", "5w", now=NOW)
-
-    assert run(FILE, *CHECK, now=NOW + timedelta(weeks=2, days=6))[0] == 0
-    code, _, errors = run(FILE, *CHECK, now=NOW + timedelta(weeks=3))
-    assert code == 1
+    run(FILE, *CHECK, now=NOW + timedelta(weeks=2, days=6))
+    errors = run(FILE, *CHECK, now=NOW + timedelta(weeks=3), code=1).err
     assert errors == "alertmanager-oncall.yml: ends in less than 2w; build it again\n"
 
 
 @pytest.mark.parametrize("changed", ["oncall.yml", "alertmanager.yml"])
-def test_check_warns_where_a_file_was_changed_after_the_build(run: Run, folder: Path, changed: str):
+def test_check_warns_where_a_file_was_changed_after_the_build(run, folder, changed):
     run(FILE, "build", now=NOW)
     text = FILE + "\n" if changed == "oncall.yml" else FILE
     if changed == "alertmanager.yml":
         (folder / changed).write_text((folder / changed).read_text() + "\n")
-
-    code, _, errors = run(text, *CHECK, now=NOW)
-
-    assert code == 1
-    assert errors == (
-        "alertmanager-oncall.yml: oncall.yml or alertmanager.yml has changed since; "
-        "build it again\n"
-    )
+    changed = "oncall.yml or alertmanager.yml has changed since; build it again"
+    assert run(text, *CHECK, now=NOW, code=1).err == f"alertmanager-oncall.yml: {changed}\n"
 
 
-def test_check_of_a_file_that_was_not_built(run: Run):
-    code, _, errors = run(FILE, "check", "--built", "alertmanager.yml", now=NOW)
-
-    assert code == 1
+def test_check_of_a_file_that_was_not_built(run):
+    errors = run(FILE, "check", "--built", "alertmanager.yml", now=NOW, code=1).err
     assert "alertmanager.yml: was not built by ros-diagnostics oncall" in errors
 
 
-def test_check_of_a_rota_with_a_gap(run: Run):
-    code, _, errors = run(FILE.replace("2027-01-04", "2027-05-03"), "check", now=NOW)
-
-    assert code == 2
+def test_check_of_a_rota_with_a_gap(run):
+    errors = run(FILE.replace("2027-01-04", "2027-05-03"), "check", now=NOW, code=2).err
     when = "from 2027-03-22 Mon 13:34 CET until 2027-05-03 Mon 09:00 CEST"
     assert f"{when} nobody is on call; " in errors
 
 
-def test_check_says_who_gets_which_days(run: Run):
+def test_check_says_who_gets_which_days(run):
     first = "          - {people: [anna, ben], since: 2027-01-04T09:00}\n"
     hours = """\
           - {people: [anna, ben], since: 2027-01-04T09:00, every: day, hours: [Mon-Fri 09:00-19:00]}
@@ -194,11 +161,9 @@ def test_check_says_who_gets_which_days(run: Run):
              Sat 00:00-24:00, Sun 00:00-24:00, Mon 00:00-09:00]}
 """
     assert first in FILE
-
-    code, output, errors = run(FILE.replace(first, hours), "check", "--ahead", "2w", now=NOW)
-
-    assert (code, errors) == (0, "")
-    assert output.splitlines()[1:] == [
+    found = run(FILE.replace(first, hours), "check", "--ahead", "2w", now=NOW)
+    assert found.err == ""
+    assert found.out.splitlines()[1:] == [
         "days of robots/first until then:",
         "  anna: Mon 1, Tue 1, Wed 1, Thu 1, Fri 1",
         "  ben: Mon 3, Tue 2, Wed 2, Thu 2, Fri 2, Sat 2, Sun 2",
@@ -216,9 +181,7 @@ def test_check_says_who_gets_which_days(run: Run):
         ("09:00", "Sat-Sun 00:00-24:00", ""),
     ],
 )
-def test_a_handover_within_the_hours_of_a_day_is_named(
-    run: Run, since: str, hours: str, divided: str
-):
+def test_a_handover_within_the_hours_of_a_day_is_named(run, since, hours, divided):
     first = "          - {people: [anna, ben], since: 2027-01-04T09:00}\n"
     daily = f"""\
           - people: [anna, ben]
@@ -230,20 +193,16 @@ def test_a_handover_within_the_hours_of_a_day_is_named(
     always = {"person": "ben", "start": "2027-01-01T00:00", "end": "2030-01-01T00:00"}
     where = {"team": "robots", "level": "first"}
     text = FILE.replace(first, daily) + yaml.safe_dump({"overrides": [always | where]})
-
-    code, output, errors = run(text, "check", "--ahead", "2w", now=NOW)
-
-    assert (code, bool(errors)) == (int(bool(divided)), bool(divided)), errors + output
-    if divided:
-        assert re.fullmatch(
-            rf"oncall.yml:(\d+): teams\[robots\].levels.first.shifts\[0\].since: the handover at "
-            rf"{since} divides the hours {divided}, so each part is a turn of its own; write the "
-            rf"beginning of the hours, T{divided[:5]}\n",
-            errors,
-        )
+    errors = run(text, "check", "--ahead", "2w", now=NOW, code=int(bool(divided))).err
+    expected = (
+        rf"oncall.yml:(\d+): teams\[robots\].levels.first.shifts\[0\].since: the handover at "
+        rf"{since} divides the hours {divided}, so each part is a turn of its own; write the "
+        rf"beginning of the hours, T{divided[:5]}\n"
+    )
+    assert re.fullmatch(expected if divided else "", errors)
 
 
-def test_the_rule_fires_two_weeks_before_the_end(run: Run, folder: Path):
+def test_the_rule_fires_two_weeks_before_the_end(run, folder):
     run(FILE, "build", "--ahead", "3w", "--rules", "rules.yml", now=NOW)
     run_tool("promtool", "check", "rules", folder / "rules.yml")
     # promtool's clock begins at 1970; a rule with the end there is the same rule.
@@ -274,10 +233,8 @@ def events(output: str) -> list[Any]:
     return icalendar.Calendar.from_ical(output).walk("VEVENT")
 
 
-def test_a_calendar_has_an_event_for_each_duty(run: Run):
-    code, output, errors = run(FILE, "icalendar", "--ahead", "3w", now=NOW)
-
-    assert (code, errors) == (0, "")
+def test_a_calendar_has_an_event_for_each_duty(run):
+    output = run(FILE, "icalendar", "--ahead", "3w", now=NOW).out
     found = [(str(e["summary"]), e["dtstart"].dt, e["dtend"].dt) for e in events(output)]
     start, change, end = (
         datetime(2027, month, day, hour, tzinfo=timezone.utc)
@@ -290,9 +247,9 @@ def test_a_calendar_has_an_event_for_each_duty(run: Run):
     assert len({str(each["uid"]) for each in events(output)}) == len(found) == 8
 
 
-def test_a_calendar_of_one_person_has_the_same_events_a_week_later(run: Run):
+def test_a_calendar_of_one_person_has_the_same_events_a_week_later(run):
     def by_uid(now: datetime) -> dict[str, datetime]:
-        _, output, _ = run(FILE, "icalendar", "--person", "anna", now=now)
+        output = run(FILE, "icalendar", "--person", "anna", now=now).out
         assert "ben is" not in output
         return {str(each["uid"]): each["dtstart"].dt for each in events(output)}
 
@@ -302,11 +259,9 @@ def test_a_calendar_of_one_person_has_the_same_events_a_week_later(run: Run):
     assert all(later[uid] == first[uid] for uid in first.keys() & later.keys())
 
 
-def test_a_calendar_of_a_person_who_is_not_there(run: Run):
-    code, output, errors = run(FILE, "icalendar", "--person", "zoe", now=NOW)
-
-    assert (code, output) == (2, "")
-    assert errors == '--person: "zoe" is never on call; use one of anna, ben\n'
+def test_a_calendar_of_a_person_who_is_not_there(run):
+    said = '--person: "zoe" is never on call; use one of anna, ben\n'
+    assert run(FILE, "icalendar", "--person", "zoe", now=NOW, code=2) == ("", said)
 
 
 WITHOUT = """
@@ -317,7 +272,7 @@ sys.exit(main(["oncall", *sys.argv[1:]]))
 """
 
 
-def test_without_the_library_all_but_the_calendar_works(run: Run, folder: Path):
+def test_without_the_library_all_but_the_calendar_works(run, folder):
     run(FILE.replace("2027", "2026"), "build")  # the clock is the real one
 
     def without(*arguments: str) -> tuple[int, str]:
@@ -326,10 +281,5 @@ def test_without_the_library_all_but_the_calendar_works(run: Run, folder: Path):
         return done.returncode, done.stderr
 
     assert without(*CHECK) == (0, "")
-    assert without("icalendar") == (
-        2,
-        (
-            "ros-diagnostics: the library icalendar is not installed: "
-            f"{install_command('icalendar')}\n"
-        ),
-    )
+    said = f"the library icalendar is not installed: {install_command('icalendar')}"
+    assert without("icalendar") == (2, f"ros-diagnostics: {said}\n")

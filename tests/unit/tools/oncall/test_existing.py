@@ -53,8 +53,7 @@ def receivers(folder, **labels):
 def test_the_route_of_the_page_adds_the_person_on_call(run, folder, site):
     site()
     for command in ("check", "build"):
-        assert run(FILE, command, now=NOW)[::2] == (0, "")
-
+        assert run(FILE, command, now=NOW).err == ""
     critical = receivers(folder)
     assert critical[-1] == "robots"
     assert all(each.startswith("on-call/robots/first/") for each in critical[:-1])
@@ -63,27 +62,19 @@ def test_the_route_of_the_page_adds_the_person_on_call(run, folder, site):
 
 def test_a_receiver_that_would_get_nothing_any_more_is_named(run, site):
     site(lambda text: re.sub(rf"^ *{LAST.strip()}\n", "", text, flags=re.MULTILINE))
-
-    code, _, errors = run(FILE, "check", now=NOW)
-
-    assert code == 1
+    errors = run(FILE, "check", now=NOW, code=1).err
     assert re.fullmatch(
         r'alertmanager.yml:\d+: route: alerts for "on-call" no longer go to "robots", above it; '
         r"add - receiver: robots as the last of the routes below that\n",
         errors,
     )
-    assert run(FILE, "build", now=NOW)[::2] == (0, errors)
+    assert run(FILE, "build", now=NOW).err == errors
 
 
 def test_check_finds_what_build_rejects_and_says_where_the_route_belongs(run, site):
     site()
     text = FILE.replace("receiver: on-call", "receiver: robots").replace("like: [robots]", "")
-
-    found = [
-        run(text.replace("        \n", ""), command, now=NOW) for command in ("check", "build")
-    ]
-
-    assert found[0] == found[1]
-    code, _, errors = found[0]
-    assert code == 2
-    assert "add {matchers: [severity = critical], receiver: on-call, continue: true}" in errors
+    text = text.replace("        \n", "")
+    check, build = (run(text, command, now=NOW, code=2) for command in ("check", "build"))
+    assert check == build
+    assert "add {matchers: [severity = critical], receiver: on-call, continue: true}" in check.err
