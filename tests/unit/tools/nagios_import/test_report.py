@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.main import main
 from ros_diagnostics_tools.nagios.importer import plugin
 from ros_diagnostics_tools.nagios.importer.computers import QUERIES, asked
 from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT
@@ -16,21 +15,26 @@ from ros_diagnostics_tools.nagios.importer.convert import QUERIES as QUERIES_FIL
 from ros_diagnostics_tools.nagios.importer.routes import ROUTES
 
 CHECKOUT = Path(__file__).parents[4]
-SITE = CHECKOUT / "tests/data/nagios-computers.cfg"
+TEXT = (CHECKOUT / "tests/data/nagios-computers.cfg").read_text()
 SHIPPED = yaml.safe_load((CHECKOUT / "docs/examples/queries/queries.d/hosts.yml").read_text())
 
 
 @pytest.fixture
-def run(tmp_path, capsys):
-    """A function (text of a site): exit code, output, folder of what was written."""
+def folder(tmp_path):
+    """Where the import writes."""
+    return tmp_path / "new"
 
-    def run(text, *arguments):
+
+@pytest.fixture
+def imports(folder, tmp_path, run):
+    """A function (text of a site, words, code=1): what the import prints."""
+
+    def imports(text=TEXT, *words, code=1):
         (tmp_path / "site.cfg").write_text(text)
-        command = ["nagios", "import", str(tmp_path / "site.cfg"), "--force"]
-        code = main([*command, "--to", str(tmp_path / "new"), *arguments])
-        return code, capsys.readouterr().out, tmp_path / "new"
+        command = ("nagios", "import", str(tmp_path / "site.cfg"), "--force", "--to", str(folder))
+        return run(*command, *words, code=code).out
 
-    return run
+    return imports
 
 
 def parts(folder):
@@ -44,10 +48,8 @@ def parts(folder):
     return found
 
 
-def test_what_is_no_longer_notified_comes_first_and_is_the_exit_code(run):
-    code, out, folder = run(SITE.read_text())
-
-    found = parts(folder)
+def test_what_is_no_longer_notified_comes_first_and_is_the_exit_code(imports, folder):
+    out, found = imports(), parts(folder)
     assert [*found] == [
         *("No longer notified", "Notified otherwise", "For your information", "Translated")
     ]
@@ -59,32 +61,25 @@ def test_what_is_no_longer_notified_comes_first_and_is_the_exit_code(run):
         "service amr2/disk: check_command check_disk!2000!1000: amr2",
         "service amr2/weird: check_command check_weird: amr2",
     ]
-    assert code == 1
     assert "4 no longer notified, 4 notified otherwise, " in out
 
 
-def test_a_site_that_loses_no_notification_exits_with_0(run):
-    text = SITE.read_text()
+def test_a_site_that_loses_no_notification_exits_with_0(imports):
+    text = TEXT
     for part in ("pager +491701234567", "host_name printer\n"):
         text = text.replace(part, "alias x\n")
     for name in ("weird", "disk!2000!1000"):
         text = text.replace(f"check_command check_{name}", "check_command check_ssh")
-
-    code, out, _folder = run(text)
-
-    assert (code, "0 no longer notified" in out) == (0, True)
+    assert "0 no longer notified" in imports(text, code=0)
 
 
-def test_the_counts_are_in_json(run):
-    _code, out, _folder = run(SITE.read_text(), "--output", "json")
-
-    found = json.loads(out)
+def test_the_counts_are_in_json(imports):
+    found = json.loads(imports(TEXT, "--output", "json"))
     assert (found["no_longer"], found["otherwise"]) == (4, 4)
 
 
-def test_thresholds_of_a_key_are_those_of_a_value(run):
-    _code, _out, folder = run(SITE.read_text())
-
+def test_thresholds_of_a_key_are_those_of_a_value(imports, folder):
+    imports()
     (profile,) = load(folder / FLEET).profiles.values()
     (value,) = profile.values
     assert [(each.bound, each.severity, each.value) for each in value.thresholds] == [
@@ -116,12 +111,8 @@ def test_ranges_of_plugins(warning, critical, expected):
 @pytest.mark.parametrize(
     "arguments", ["-w 20: -c 10:", "-k Charge -w 10: -c 20:", "-k Charge -w 5,4"]
 )
-def test_thresholds_that_cannot_be_written_are_no_longer_notified(run, arguments):
-    text = SITE.read_text().replace("-k Charge -w 20: -c 10:", arguments)
-
-    code, _out, folder = run(text)
-
-    assert code == 1
+def test_thresholds_that_cannot_be_written_are_no_longer_notified(imports, folder, arguments):
+    imports(TEXT.replace("-k Charge -w 20: -c 10:", arguments))
     lines = parts(folder)["No longer notified"]
     assert any(f"arguments: {arguments}: write thresholds" in line for line in lines)
     load(folder / FLEET)
@@ -137,9 +128,8 @@ def test_the_queries_are_the_shipped_ones():
             assert query == there
 
 
-def test_queries_have_the_thresholds_and_robots_of_the_checks(run):
-    _code, _out, folder = run(SITE.read_text())
-
+def test_queries_have_the_thresholds_and_robots_of_the_checks(imports, folder):
+    imports()
     queries = {(each.group, each.component): each for each in load(folder / FLEET).queries}
     names = [f"load {each}m" for each in (1, 5, 15)]
     assert queries.keys() == {
@@ -174,11 +164,8 @@ def test_what_a_command_line_asks(line, expected):
 
 
 @pytest.mark.parametrize("kind", ["host", "service"])
-def test_a_contact_without_options_is_notified_of_nothing(run, kind):
-    text = re.sub(rf"  {kind}_notification_options .*\n", "", SITE.read_text())
-
-    _code, _out, folder = run(text)
-
+def test_a_contact_without_options_is_notified_of_nothing(imports, folder, kind):
+    imports(re.sub(rf"  {kind}_notification_options .*\n", "", TEXT))
     below = [
         each["matchers"]
         for route in yaml.safe_load((folder / ROUTES).read_text())["routes"]
@@ -191,24 +178,19 @@ def test_a_contact_without_options_is_notified_of_nothing(run, kind):
     assert any(reason in line for line in parts(folder)["For your information"])
 
 
-def test_links_of_hosts_and_services_are_those_of_the_robot(run):
-    text = SITE.read_text()
+def test_links_of_hosts_and_services_are_those_of_the_robot(imports, folder):
     of_host = "notes_url http://wiki/amr1"
-    assert of_host in text
-    text = text.replace(of_host, "notes_url http://wiki/$HOSTNAME$\n  action_url /cgi/$HOSTNAME$")
+    assert of_host in TEXT
+    text = TEXT.replace(of_host, "notes_url http://wiki/$HOSTNAME$\n  action_url /cgi/$HOSTNAME$")
     text = text.replace(
         "service_description motors",
         "service_description motors\n  action_url https://$HOSTADDRESS$/$SERVICEDESC$",
     )
-
-    _code, _out, folder = run(text)
-
+    imports(text)
     amr1, amr2 = load(folder / FLEET).robots
     motors = "motors action_url"
-    assert dict(amr1.links) == {
-        "notes_url": "http://wiki/amr1",
-        motors: "https://10.0.0.1/motors",
-    }
+    of_amr1 = {"notes_url": "http://wiki/amr1", motors: "https://10.0.0.1/motors"}
+    assert dict(amr1.links) == of_amr1
     assert dict(amr2.links) == {motors: "https://10.0.0.2/motors"}
     found = parts(folder)
     (lost,) = (each for each in found["For your information"] if "_url" in each)
@@ -226,10 +208,7 @@ def test_links_of_hosts_and_services_are_those_of_the_robot(run):
         ("/usr/bin/pager $CONTACTADDRESS1$", False),
     ],
 )
-def test_a_way_of_notification_of_its_own_is_no_longer_notified(run, line, is_lost):
-    text = SITE.read_text().replace("/usr/bin/sms $CONTACTPAGER$", line)
-
-    _code, _out, folder = run(text)
-
+def test_a_way_of_notification_of_its_own_is_no_longer_notified(imports, folder, line, is_lost):
+    imports(TEXT.replace("/usr/bin/sms $CONTACTPAGER$", line))
     lost = [line for line in parts(folder)["No longer notified"] if line.startswith("contact")]
     assert bool(lost) is is_lost
