@@ -5,8 +5,7 @@ from datetime import datetime
 
 import pytest
 
-from ros_diagnostics_tools.commands import downtime
-from ros_diagnostics_tools.main import main
+from ros_diagnostics_tools import commands
 from support.as_listed import read, read_downtimes
 from support.silences import listed
 from support.web_server import component, fleet, robot
@@ -27,12 +26,16 @@ def servers(played):
     return played
 
 
-def run(*arguments: str) -> int:
-    return main(["downtime", *arguments, "--author", "ann"])
+@pytest.fixture
+def downtime(run):
+    """A function (words, code=0): what the command prints."""
+    return lambda *words, code=0: run("downtime", *words, "--author", "ann", code=code)
 
 
-def plan(*arguments: str) -> int:
-    return run(*arguments, "--comment", "new gears")
+@pytest.fixture
+def plan(downtime):
+    """A function (words, code=0): what the command prints of a downtime for new gears."""
+    return lambda *words, code=0: downtime(*words, "--comment", "new gears", code=code)
 
 
 def planned_robots(servers) -> list[str]:
@@ -40,21 +43,21 @@ def planned_robots(servers) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["", "Motor 1"])
-def test_what_the_command_plans_is_what_the_exporter_reads(servers, capsys, name):
+def test_what_the_command_plans_is_what_the_exporter_reads(servers, plan, name):
     before = time.time()
-    assert plan(*filter(None, ("robot_1", name, "1h30m"))) == 0
+    said = plan(*filter(None, ("robot_1", name, "1h30m"))).out
     (found,) = read_downtimes(servers.silences, "hall")
     assert found[:2] == ("robot_1", name)
     assert found[4:] == ("ann", "new gears")
     assert before <= found.start <= time.time()
     assert found.end - found.start == pytest.approx(5400)
-    assert capsys.readouterr().out.startswith(f"planned: hall/{f'robot_1 {name}'.strip()} from ")
+    assert said.startswith(f"planned: hall/{f'robot_1 {name}'.strip()} from ")
     assert read_downtimes(servers.silences, "other") == []
     assert read(servers.silences, "hall") == []  # no acknowledgement
 
 
-def test_it_lasts_as_long_as_is_said_from_its_begin_on(servers):
-    assert plan("robot_1", "1h30m", "--from", "2099-01-01T10:00") == 0
+def test_it_lasts_as_long_as_is_said_from_its_begin_on(servers, plan):
+    plan("robot_1", "1h30m", "--from", "2099-01-01T10:00")
     (made,) = servers.silences
     begin, end = (datetime.fromisoformat(made[of]) for of in ("startsAt", "endsAt"))
     assert begin.astimezone().strftime("%Y-%m-%d %H:%M") == "2099-01-01 10:00"
@@ -62,29 +65,25 @@ def test_it_lasts_as_long_as_is_said_from_its_begin_on(servers):
     assert (made["createdBy"], servers.matched()[0]["robot"]) == ("ann", "robot_1")
 
 
-def test_one_that_begins_later_is_listed_and_can_be_cancelled(servers, capsys):
-    assert plan("robot_1", "Motor 1", "2h", "--from", "3h") == 0
+def test_one_that_begins_later_is_listed_and_can_be_cancelled(servers, downtime, plan):
+    plan("robot_1", "Motor 1", "2h", "--from", "3h")
     (found,) = read_downtimes(servers.silences, "hall")
     assert found.start == pytest.approx(time.time() + 3 * 3600, abs=60)
     servers.silences += [listed(), {"nonsense": 1}]  # an acknowledgement is no downtime
-    capsys.readouterr()
-    assert run("--list") == 0
-    (line,) = capsys.readouterr().out.splitlines()[1:]
+    (line,) = downtime("--list").out.splitlines()[1:]
     assert line.split()[:4] == ["hall", "robot_1", "Motor", "1"]
-
-    assert run("--cancel", "robot_1") == 1
-    assert "planned: hall/robot_1 Motor 1" in capsys.readouterr().err
-    assert run("--cancel", "robot_1", "Motor 1") == 0
+    assert "planned: hall/robot_1 Motor 1" in downtime("--cancel", "robot_1", code=1).err
+    downtime("--cancel", "robot_1", "Motor 1")
     assert read_downtimes(servers.silences, "hall") == []
 
 
-def test_cancelling_a_component_leaves_its_robots_downtime(servers):
-    assert plan("robot_1", "1h") == 0
-    assert plan("robot_1", "Motor 1", "1h") == 0
-    assert run("robot_1", "Motor 1", "--cancel") == 0
+def test_cancelling_a_component_leaves_its_robots_downtime(servers, downtime, plan):
+    plan("robot_1", "1h")
+    plan("robot_1", "Motor 1", "1h")
+    downtime("robot_1", "Motor 1", "--cancel")
     (left,) = read_downtimes(servers.silences, "hall")
     assert left[:2] == ("robot_1", "")
-    assert run("robot_2", "--cancel") == 1
+    downtime("robot_2", "--cancel", code=1)
 
 
 @pytest.mark.parametrize(
@@ -96,44 +95,40 @@ def test_cancelling_a_component_leaves_its_robots_downtime(servers):
         (("--site", "roof", "1h"), "no robot has the labels 'site=roof'"),
     ],
 )
-def test_what_the_exporter_does_not_know_is_not_planned(servers, capsys, arguments, error):
-    assert plan(*arguments) == 1
-    assert error in capsys.readouterr().err
+def test_what_the_exporter_does_not_know_is_not_planned(servers, plan, arguments, error):
+    assert error in plan(*arguments, code=1).err
     assert servers.silences == []
 
 
-def test_a_downtime_of_a_site_is_one_of_each_of_its_robots(servers, capsys):
-    assert plan("--site", "hall", "1h") == 0
+def test_a_downtime_of_a_site_is_one_of_each_of_its_robots(servers, downtime, plan):
+    plan("--site", "hall", "1h")
     assert planned_robots(servers) == ["robot_1", "robot_2"]
-    assert plan("--site", "yard", "1h") == 0
-    capsys.readouterr()
-    assert run("--cancel", "--site", "hall") == 0
-    assert capsys.readouterr().out.startswith("cancelled: hall/robot_1 from ")
+    plan("--site", "yard", "1h")
+    said = downtime("--cancel", "--site", "hall").out
+    assert said.startswith("cancelled: hall/robot_1 from ")
     assert planned_robots(servers) == ["robot_3"]
 
 
-def test_of_several_labels_a_robot_has_all(servers):
-    assert plan("--site", "hall", "--selector", "team=carts", "2h") == 0
+def test_of_several_labels_a_robot_has_all(servers, plan):
+    plan("--site", "hall", "--selector", "team=carts", "2h")
     assert planned_robots(servers) == ["robot_2"]
-    assert plan("--selector", "site=yard", "--selector", "team=carts", "2h") == 0
+    plan("--selector", "site=yard", "--selector", "team=carts", "2h")
     assert planned_robots(servers) == ["robot_2", "robot_3"]
 
 
-def test_an_exporter_that_does_not_follow_is_an_error(servers, capsys, monkeypatch):
-    monkeypatch.setattr(downtime, "FOLLOWED", 0.0)
+def test_an_exporter_that_does_not_follow_is_an_error(servers, plan, monkeypatch):
+    monkeypatch.setattr(commands.downtime, "FOLLOWED", 0.0)
     servers.follows = False
-    assert plan("robot_1", "1h") == 1
-    assert "does not read it: start it with --alertmanager.url=" in capsys.readouterr().err
+    said = plan("robot_1", "1h", code=1).err
+    assert "does not read it: start it with --alertmanager.url=" in said
 
 
-def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
+def test_without_an_exporter_the_fleet_has_to_be_named(servers, plan):
     servers.exporter_answers = False
-    assert plan("robot_1", "1h") == 3
-    assert "or the fleet with --fleet" in capsys.readouterr().err
-    assert plan("--site", "yard", "1h", "--fleet", "hall") == 3  # nobody says which robots
+    assert "or the fleet with --fleet" in plan("robot_1", "1h", code=3).err
+    plan("--site", "yard", "1h", "--fleet", "hall", code=3)  # nobody says which robots
     assert servers.silences == []
-    assert plan("robot_1", "1h", "--fleet", "hall") == 0
-    assert "not checked" in capsys.readouterr().err
+    assert "not checked" in plan("robot_1", "1h", "--fleet", "hall").err
     assert planned_robots(servers) == ["robot_1"]
 
 
@@ -155,27 +150,25 @@ def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
         (["--list", "--cancel", "robot_1"], "and no --cancel"),
     ],
 )
-def test_wrong_arguments_are_usage_errors(arguments, problem, capsys):
-    assert run(*arguments) == 2
-    assert problem in capsys.readouterr().err
+def test_wrong_arguments_are_usage_errors(arguments, problem, downtime):
+    assert problem in downtime(*arguments, code=2).err
 
 
 @pytest.mark.parametrize(
     "name", [("x" * 1_025,), ("robot_1", "x" * 1_025)], ids=["robot", "component"]
 )
-def test_a_name_that_no_robot_can_have_is_wrong_usage(servers, name):
-    assert plan(*name, "1h") == 2
+def test_a_name_that_no_robot_can_have_is_wrong_usage(servers, plan, name):
+    plan(*name, "1h", code=2)
 
 
-def test_a_duration_with_a_minus_is_named_with_the_way_out(servers, capsys):
-    assert plan("robot_1", "-5m") == 2
-    error = capsys.readouterr().err
+def test_a_duration_with_a_minus_is_named_with_the_way_out(servers, plan):
+    error = plan("robot_1", "-5m", code=2).err
     assert "'-5m' begins with a minus" in error
     assert "write 5m" in error
     assert "No such option" not in error
 
 
-def test_flags_may_stand_between_the_names(servers):
-    assert run("robot_1", "--comment", "new gears", "Motor 1", "--from", "1h", "2h") == 0
+def test_flags_may_stand_between_the_names(servers, downtime):
+    downtime("robot_1", "--comment", "new gears", "Motor 1", "--from", "1h", "2h")
     (found,) = read_downtimes(servers.silences, "hall")
     assert found.component == "Motor 1"

@@ -15,7 +15,6 @@ from ros_diagnostics_exporter.storage.pruning import Bounds
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, play
-from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, TOPIC, every_second, fleet, judged, texts, write_bag
 
 AGGREGATED = Fleet("f", (Robot("r", topic_agg="/r/diagnostics_agg", source=Source.AGG),))
@@ -109,37 +108,35 @@ def test_another_confirm_after_is_judged_from_a_log(tmp_path):
     ]
 
 
-def test_a_robot_that_the_config_does_not_have_is_named(tmp_path, capsys):
-    log = write_log(
-        tmp_path / "state.db",
-        [
-            Event(BEGIN + 5, "level", robot, "", "motor", "OK", "ERROR")
-            for robot in ("r", "\x1b[31mx")
-        ],
-    )
-    config = tmp_path / "fleet.yml"
-    config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
+@pytest.fixture
+def backtest(tmp_path, run):
+    """A function (events, words): what the command prints of a log with these events."""
 
-    assert main(["backtest", "--config", str(config), str(log), "--suggest"]) == 0
+    def backtest(events, *words, topic=TOPIC, code=0):
+        (tmp_path / "fleet.yml").write_text(f"fleet: f\nrobots: [{{name: r, topic: {topic}}}]\n")
+        paths = (str(tmp_path / "fleet.yml"), str(write_log(tmp_path / "state.db", events)))
+        return run("backtest", "--config", *paths, *words, code=code)
 
-    said = capsys.readouterr()
+    return backtest
+
+
+def test_a_robot_that_the_config_does_not_have_is_named(backtest):
+    broken = ("motor", "OK", "ERROR")
+    robots = ("r", "\x1b[31mx")
+    events = [Event(BEGIN + 5, "level", robot, "", *broken) for robot in robots]
+    said = backtest(events, "--suggest")
     assert "of no robot of the configuration: " in said.err
     assert "\x1b" not in said.err + said.out
 
 
-@pytest.mark.parametrize("topic", ["topic: /r/diagnostics", "topic: /r/diagnostics_agg"])
-def test_samples_of_a_log_are_numbers(tmp_path, topic):
+@pytest.mark.parametrize("topic", ["/r/diagnostics", "/r/diagnostics_agg"])
+def test_samples_of_a_log_are_numbers(tmp_path, backtest, topic):
     events = [
         Event(BEGIN + 5, "level", "r", "/Arm", "motor", "OK", "ERROR"),
         Event(BEGIN + 90, "level", "r", "/Arm", "motor", "ERROR", "OK"),
     ]
-    log, samples = write_log(tmp_path / "state.db", events), tmp_path / "samples.om"
-    config = tmp_path / "fleet.yml"
-    config.write_text(f"fleet: f\nrobots: [{{name: r, {topic}}}]\n")
-
-    command = ["backtest", "--config", str(config), "--openmetrics", str(samples), str(log)]
-    assert main(command) == 0
-
+    samples = tmp_path / "samples.om"
+    backtest(events, "--openmetrics", str(samples), topic=topic)
     lines = samples.read_text().splitlines()[:-1]
     found = {line.rsplit(" ", 2)[1] for line in lines if "component_level{" in line}
     assert found == {"2"}
@@ -147,15 +144,9 @@ def test_samples_of_a_log_are_numbers(tmp_path, topic):
         float(line.rsplit(" ", 2)[1])
 
 
-def test_a_log_of_no_robot_of_the_config_is_an_error(tmp_path, capsys):
+def test_a_log_of_no_robot_of_the_config_is_an_error(backtest):
     event = Event(BEGIN, "level", "other", "", "motor", "OK", "ERROR")
-    log = write_log(tmp_path / "state.db", [event])
-    config = tmp_path / "fleet.yml"
-    config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
-
-    assert main(["backtest", "--config", str(config), str(log)]) == 1
-
-    assert "other" in capsys.readouterr().err
+    assert "other" in backtest([event], code=1).err
 
 
 def error(path):

@@ -16,7 +16,7 @@ def test_json_is_written_to_the_file_too(tmp_path, monkeypatch, run):
     assert json.loads(path.read_text()) == {"fleet": "hall"}
 
 
-@pytest.mark.parametrize("smtp", ["mail", ":25", "mail:", "mail:70000", "mail:0", "mail:smtp"])
+@pytest.mark.parametrize("smtp", ["mail", ":25", "mail:", "mail:65536", "mail:0", "mail:smtp"])
 def test_a_mail_server_without_host_or_port_is_rejected(smtp, run):
     said = run("report", "--week", "--smtp", smtp, code=2).err
     assert f"{smtp!r} is not an address such as localhost:25" in said
