@@ -6,9 +6,7 @@ that its first line names.
 
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from threading import Thread
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -25,6 +23,7 @@ from support.existing_site import (
     added,
     exempted,
 )
+from support.loopback import replying
 from testbed import http, servers
 from testbed.configuration import CHECKOUT
 from testbed.mail import Inbox
@@ -173,36 +172,17 @@ def test_with_the_inhibitions_of_a_cluster_no_alert_about_robots_is_suppressed(
     assert suppressed(alertmanager) == theirs
 
 
-@pytest.fixture
-def long_message() -> Iterator[str]:
-    """The address of a target with a message as long as the exporter lets one be."""
-
-    class Target(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            text = "\N{ROBOT FACE}" * MAX_TEXT
-            body = f'ros_diagnostics_component_message{{message="{text}"}} 1\n'.encode()
-            self.send_response(200)
-            self.send_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, *_: object) -> None:
-            """Nothing: pytest's output is for failures."""
-
-    with HTTPServer(("127.0.0.1", 0), Target) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        yield f"127.0.0.1:{server.server_port}"
-        server.shutdown()
-
-
-def test_a_long_message_stops_the_scrape_below_the_limit_of_the_page(site: Site, long_message: str):
+def test_a_long_message_stops_the_scrape_below_the_limit_of_the_page(site: Site):
+    text = "\N{ROBOT FACE}" * MAX_TEXT  # as long as the exporter lets one be
+    body = f'ros_diagnostics_component_message{{message="{text}"}} 1\n'.encode()
+    target = site.use(replying(lambda _request: body))
     sentence = r"`label_value_length_limit` .* has to be (\d+) or more"
     (limit,) = re.findall(sentence, PAGE.read_text())
     jobs = "".join(
         f"- job_name: {name}\n"
         f"  scrape_interval: 1s\n"
         f"  label_value_length_limit: {value}\n"
-        f'  static_configs: [{{targets: ["{long_message}"]}}]\n'
+        f'  static_configs: [{{targets: ["{target}"]}}]\n'
         for name, value in (("as_the_page", int(limit)), ("below", int(limit) - 1))
     )
     config = site.write("prometheus.yml", f"scrape_configs:\n{jobs}")

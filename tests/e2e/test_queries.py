@@ -4,7 +4,6 @@ node_exporter reads a folder in place of /proc, so that the test says what the l
 """
 
 import os
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import yaml
 
 from ros_diagnostics_tools.main import main
 from support import host_checks
-from support.loopback import answering
+from support.loopback import replying
 from testbed.configuration import CHECKOUT
 from testbed.http import get, get_json
 from testbed.polling import until
@@ -35,14 +34,6 @@ faults: {{restart_grace: 1s}}
 """
 
 
-class Page(BaseHTTPRequestHandler):
-    """A page that is found."""
-
-    def do_GET(self) -> None:
-        self.send_response(200)
-        self.end_headers()
-
-
 class Host:
     """A robot whose computer is measured; its exporter, Prometheus and mails."""
 
@@ -54,7 +45,7 @@ class Host:
         (self.folder / "proc" / "1").mkdir()
         mounts = f"/dev/disk {self.folder} ext4 rw 0 0\n"
         (self.folder / "proc" / "1" / "mounts").write_text(mounts)
-        page = site.use(answering(Page))
+        page = site.use(replying(lambda _request: b""))
         site.start_mail_server()
         site.start_robots()
         site.write("queries.d/hosts.yml", yaml.safe_dump(queries(self.folder)))

@@ -5,13 +5,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from datetime import datetime, timezone
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
 import yaml
 
-from support.loopback import answering
+from support.loopback import Request, replying
 from support.served_fleet import serving
 from testbed import http, short_clocks
 from testbed.polling import until
@@ -40,23 +39,16 @@ class Hall:
         self.text = BROKEN
         self.sent: set[str] = set()  # the names of those that fire
         exporter = context.enter_context(serving(lambda _parts: self.text.encode()))
-        alertmanager = context.enter_context(answering(self._alertmanager()))
+        alertmanager = context.enter_context(replying(self._receive))
         site.start_prometheus(
             exporters=[exporter], edit=lambda folder: shorten(folder, alertmanager)
         )
 
-    def _alertmanager(self) -> type[BaseHTTPRequestHandler]:
-        sent = self.sent
-
-        class Alertmanager(BaseHTTPRequestHandler):
-            def do_POST(self) -> None:
-                now = datetime.now(timezone.utc).isoformat()
-                alerts = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                sent.update(each["labels"]["alertname"] for each in alerts if each["endsAt"] > now)
-                self.send_response(200)
-                self.end_headers()
-
-        return Alertmanager
+    def _receive(self, request: Request) -> bytes:
+        """Take alerts as Alertmanager does."""
+        now, alerts = datetime.now(timezone.utc).isoformat(), json.loads(request.body)
+        self.sent.update(each["labels"]["alertname"] for each in alerts if each["endsAt"] > now)
+        return b""
 
     def evaluated_at(self) -> float:
         """When escalation was last evaluated; it is so at the same times in all processes."""

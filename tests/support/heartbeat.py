@@ -3,9 +3,8 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler
 
-from support.loopback import answering
+from support.loopback import Request, replying
 
 
 class Heartbeat:
@@ -26,13 +25,9 @@ def listening() -> Iterator[Heartbeat]:
     """Listen on a port of this machine while the context lasts."""
     beats: list[float] = []
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            self.rfile.read(int(self.headers["Content-Length"]))
-            beats.append(time.monotonic())
-            self.send_response(200)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
+    def reply(_request: Request) -> bytes:
+        beats.append(time.monotonic())
+        return b""
 
-    with answering(Handler) as address:
+    with replying(reply) as address:
         yield Heartbeat(f"http://{address}/heartbeat", beats)

@@ -6,9 +6,8 @@ would bring comes from a function that is called with the clocks at each scrape.
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 from types import SimpleNamespace
 from urllib.parse import urlsplit
 
@@ -22,7 +21,7 @@ from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.silences import Acknowledgement
 from ros_diagnostics_exporter.web.scrape import wanted_parts
-from support.loopback import answering
+from support.loopback import Request, replying
 
 Speak = Callable[[FleetState, Instant], None]
 
@@ -106,31 +105,19 @@ def _read_clocks() -> Instant:
     return Instant(time.monotonic(), time.time())
 
 
-@contextmanager
 def serving(
     scrape: Callable[[Collection[Part]], bytes], notified: Callable[[bytes], None] | None = None
-) -> Iterator[str]:
-    """Answer scrapes with the parts asked for while the context lasts; yields HOST:PORT.
+) -> AbstractContextManager[str]:
+    """Answer scrapes with the parts asked for while the context lasts; it gives HOST:PORT.
 
     ``notified`` gets what is posted.
     """
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            body = scrape(wanted_parts(urlsplit(self.path).query.encode()))
-            self.send_response(200)
-            self.send_header("Content-Type", "text/plain; version=0.0.4")
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            with suppress(ConnectionError):  # the scraper ends before us
-                self.wfile.write(body)
+    def reply(request: Request) -> bytes:
+        if not request.body:
+            return scrape(wanted_parts(urlsplit(request.path).query.encode()))
+        assert notified is not None
+        notified(request.body)
+        return b""
 
-        def do_POST(self) -> None:
-            assert notified is not None
-            notified(self.rfile.read(int(self.headers["Content-Length"])))
-            self.send_response(200)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-
-    with answering(Handler) as address:
-        yield address
+    return replying(reply)

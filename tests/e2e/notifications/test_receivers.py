@@ -2,12 +2,11 @@
 
 import json
 from collections import defaultdict
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
 from support.alerts import fault, post_alerts
-from support.loopback import answering
+from support.loopback import Request, replying
 from support.receivers_page import documented, written
 from testbed import servers
 from testbed.polling import until
@@ -27,22 +26,6 @@ FAULT = {
 }
 
 
-def services(posted: dict[str, list[str]]) -> type[BaseHTTPRequestHandler]:
-    """All services: what is posted to each goes there, by the first part of the path."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers["Content-Length"])).decode()
-            posted[self.path.split("/")[1].partition("?")[0]].append(f"{self.path} {body}")
-            answer = json.dumps({"ok": True, "result": {"chat": {"id": 1}}}).encode()
-            self.send_response(202 if "pagerduty" in self.path else 200)
-            self.send_header("Content-Length", str(len(answer)))
-            self.end_headers()
-            self.wfile.write(answer)
-
-    return Handler
-
-
 def pointed_at(url: str, folder: Path) -> list[dict[str, Any]]:
     """The receivers of the page, with keys, and each at a path of its own below the address."""
     (folder / "key").write_text("secret")
@@ -56,11 +39,16 @@ def pointed_at(url: str, folder: Path) -> list[dict[str, Any]]:
     return receivers
 
 
-def test_a_problem_and_its_recovery_are_sent_by_each_service(
-    site: Site,
-) -> None:
-    posted: defaultdict[str, list[str]] = defaultdict(list)
-    url = f"http://{site.use(answering(services(posted)))}"
+def test_a_problem_and_its_recovery_are_sent_by_each_service(site: Site) -> None:
+    posted: defaultdict[str, list[str]] = defaultdict(list)  # by service
+
+    def reply(request: Request) -> tuple[int, bytes]:
+        service = request.path.split("/")[1].partition("?")[0]
+        posted[service].append(f"{request.path} {request.body.decode()}")
+        answer = json.dumps({"ok": True, "result": {"chat": {"id": 1}}}).encode()
+        return 202 if service == "pagerduty" else 200, answer
+
+    url = f"http://{site.use(replying(reply))}"
     file, address = written(site.folder, pointed_at(url, site.folder)), site.addresses.alertmanager
     site.start(servers.alertmanager(site.folder, file, address)).wait_until_ready()
 

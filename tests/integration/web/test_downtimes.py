@@ -1,35 +1,18 @@
 """A real exporter, and an Alertmanager that has a downtime and then does not answer."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from datetime import datetime, timedelta, timezone
-from http.server import BaseHTTPRequestHandler
 
 import pytest
 
 from ros_diagnostics_exporter.silences import downtime_matchers, silence
-from support.loopback import answering
+from support.loopback import replying
 from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 
 FLEET = "fleet: hall\nrobots: [{{name: r1, domain_id: {domain}, namespace: /r1}}]\n"
-
-
-@contextmanager
-def alertmanager(body: bytes) -> Iterator[str]:
-    """Answers everything with ``body``; yields its URL."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
-
-    with answering(Handler) as address:
-        yield f"http://{address}"
 
 
 def planned() -> bytes:
@@ -51,7 +34,9 @@ def in_maintenance(site) -> bool | None:
 
 def test_a_downtime_outlives_a_restart_while_alertmanager_does_not_answer(site):
     site.fleet_file.write_text(FLEET.format(domain=site.domain_id))
-    with alertmanager(planned()) as url:
+    listed = planned()
+    with replying(lambda _request: listed) as address:
+        url = f"http://{address}"
         exporter = site.serve("--alertmanager.url", url)
         until(lambda: in_maintenance(site), exporter.describe)
     assert exporter.stop() == 0

@@ -1,11 +1,9 @@
 """A program that ends is reported at once, and ends the demo if nobody starts it again."""
 
-import http.server
-import threading
-
 import pytest
 
 from demo.liveness import Liveness, ProgramEndedError
+from support.loopback import replying
 from testbed.polling import until
 from testbed.processes import Process
 from testbed.servers import Server
@@ -43,24 +41,10 @@ def test_a_program_that_somebody_else_started_at_its_address_is_back(start_proce
     ended = start_process("exporter", ["sh", "-c", "exit 3"])
     until(lambda: not ended.alive, "its end")
 
-    class Healthy(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.end_headers()
-
-        def log_message(self, *args: object) -> None:
-            """Say nothing."""
-
     port = free_port()
     liveness = Liveness([Server(ended, f"127.0.0.1:{port}")], patience=20)
     assert list(liveness.check(0.0)) == [
         "exporter ended with exit code 3; the demo gives up if it is not back in 20 s"
     ]
-    with http.server.HTTPServer(("127.0.0.1", port), Healthy) as other:
-        thread = threading.Thread(target=other.serve_forever)
-        thread.start()
-        lines = list(liveness.check(1.0))
-        other.shutdown()
-        thread.join()
-
-    assert lines == ["exporter is back"]
+    with replying(lambda _request: b"", port):
+        assert list(liveness.check(1.0)) == ["exporter is back"]

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import timedelta
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -18,6 +19,7 @@ from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.silences import downtime_matchers, silence
+from support.loopback import answering
 from support.silences import MADE, MOTOR, listed
 
 NOW = Instant(100.0, MOTOR.at + 60)
@@ -25,27 +27,18 @@ Reply = Callable[[BaseHTTPRequestHandler], None]
 
 
 @pytest.fixture
-def server() -> Iterator[ThreadingHTTPServer]:
+def server() -> Iterator[SimpleNamespace]:
     """An HTTP server whose ``reply`` a test sets; ``asked`` are the paths it was asked for."""
+    server = SimpleNamespace(asked=[], reply=say(json.dumps([listed()]).encode()))
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             server.asked.append((self.path, dict(self.headers)))
             server.reply(self)
 
-        def log_message(self, *_: object) -> None:
-            """Say nothing of every question."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    server.asked = []
-    server.reply = say(json.dumps([listed()]).encode())
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    yield server
-    server.shutdown()
-    thread.join()
-    server.server_close()
+    with answering(Handler) as address:
+        server.url = f"http://{address}"
+        yield server
 
 
 def say(body: bytes, code: int = 200, length: int | None = None) -> Reply:
@@ -80,12 +73,8 @@ def hang_up(handler: BaseHTTPRequestHandler) -> None:
     handler.close_connection = True
 
 
-def url(server: ThreadingHTTPServer) -> str:
-    return f"http://127.0.0.1:{server.server_port}"
-
-
 def test_it_asks_for_its_own_fleet_and_believes_the_answer(server):
-    alertmanager = Alertmanager([url(server)])
+    alertmanager = Alertmanager([server.url])
     assert (alertmanager.known(NOW.wall), alertmanager.answers(NOW)) == ([], False)
 
     alertmanager.update("f", NOW)
@@ -100,7 +89,7 @@ def test_it_asks_for_its_own_fleet_and_believes_the_answer(server):
 
 
 def test_an_acknowledgement_is_known_only_while_it_is_in_force(server):
-    alertmanager = Alertmanager([url(server)])
+    alertmanager = Alertmanager([server.url])
     alertmanager.update("f", NOW)
 
     assert alertmanager.known(MOTOR.at - 1) == alertmanager.known(MOTOR.until) == []
@@ -122,7 +111,7 @@ def test_an_acknowledgement_is_known_only_while_it_is_in_force(server):
 )
 def test_what_was_known_outlives_an_answer_that_cannot_be_used(server, monkeypatch, reply):
     monkeypatch.setattr(Alertmanager, "TIMEOUT", 0.3)
-    alertmanager = Alertmanager([url(server)])
+    alertmanager = Alertmanager([server.url])
     alertmanager.update("f", NOW)
     server.reply = reply
 
@@ -143,7 +132,7 @@ def test_an_answer_that_does_not_come_is_none():
 
 def test_it_says_once_that_it_is_not_answered_and_once_that_it_is(server, caplog):
     caplog.set_level(logging.INFO)
-    alertmanager = Alertmanager([url(server)])
+    alertmanager = Alertmanager([server.url])
     good, bad = server.reply, say(b"", 503)
     for reply in (bad, bad, good, good, bad, bad, good):
         server.reply = reply
@@ -152,11 +141,11 @@ def test_it_says_once_that_it_is_not_answered_and_once_that_it_is(server, caplog
     levels = [record.levelname for record in caplog.records]
     assert levels == ["ERROR", "INFO", "ERROR", "INFO"]
     assert "503" in caplog.records[0].getMessage()
-    assert url(server) in caplog.records[1].getMessage()
+    assert server.url in caplog.records[1].getMessage()
 
 
 def test_of_a_pair_the_half_that_answers_is_believed(server):
-    alertmanager = Alertmanager(["http://127.0.0.1:1", url(server)])
+    alertmanager = Alertmanager(["http://127.0.0.1:1", server.url])
     alertmanager.update("f", NOW)
 
     assert alertmanager.known(NOW.wall) == [MOTOR]
@@ -164,7 +153,7 @@ def test_of_a_pair_the_half_that_answers_is_believed(server):
 
 def test_the_password_is_read_from_its_file_at_each_look(server, tmp_path):
     file = tmp_path / "password"
-    alertmanager = Alertmanager([url(server)], user="ann", password_file=file)
+    alertmanager = Alertmanager([server.url], user="ann", password_file=file)
 
     alertmanager.update("f", NOW)  # before the file is there
     assert not alertmanager.answers(NOW)
@@ -194,7 +183,7 @@ def alert(name: str, state: str = "active", **status: list[str]) -> dict[str, An
     }
 
 
-def answering(answer: Callable[[str], Any]) -> Reply:
+def in_json(answer: Callable[[str], Any]) -> Reply:
     """Replies with the JSON for the path that is asked for."""
     return lambda handler: say(json.dumps(answer(handler.path)).encode())(handler)
 
@@ -212,7 +201,7 @@ def test_what_alertmanager_holds_back_is_explained(server):
             return SILENCE
         return own if "robot" in path else [*own, switch]
 
-    server.reply = answering(answer)
+    server.reply = in_json(answer)
     assert asked(server).explain("f", "r", None) == [
         "alert A r: active, for email, sms",
         "alert B r: silenced by ann until 2026-01-31 10:05 UTC: on it",
@@ -220,8 +209,8 @@ def test_what_alertmanager_holds_back_is_explained(server):
     ]
 
 
-def asked(server: ThreadingHTTPServer) -> Alertmanager:
-    return Alertmanager([f"http://127.0.0.1:{server.server_port}"])
+def asked(server: SimpleNamespace) -> Alertmanager:
+    return Alertmanager([server.url])
 
 
 JUNK = st.recursive(

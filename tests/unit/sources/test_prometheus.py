@@ -6,7 +6,6 @@ import base64
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from http.server import BaseHTTPRequestHandler
 from itertools import count
 from pathlib import Path
 from threading import Event
@@ -22,7 +21,7 @@ from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources import prometheus
 from ros_diagnostics_exporter.sources.prometheus import NO_URL, Outcome, Prometheus
-from support.loopback import answering
+from support.loopback import Request, replying
 from testbed.polling import until
 
 HIGH = (Threshold("high", "warning", 80.0), Threshold("high", "critical", 90.0))
@@ -52,24 +51,19 @@ class Stub:
 def stub() -> Iterator[Stub]:
     found = Stub()
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            parameters = parse_qs(urlsplit(self.path).query)
-            expr = parameters["query"][0]
-            found.timeouts.update(parameters["timeout"])
-            found.asked.append((expr, dict(self.headers)))
-            answer = found.answers.get(expr, (500, b""))
-            if isinstance(answer, Event):
-                answer.wait(30)
-                answer = 200, {"data": {"resultType": "vector", "result": []}}
-            status, body = answer
-            text = body if isinstance(body, bytes) else json.dumps(body).encode()
-            self.send_response(status)
-            self.send_header("Content-Length", str(len(text)))
-            self.end_headers()
-            self.wfile.write(text)
+    def reply(request: Request) -> tuple[int, bytes]:
+        parameters = parse_qs(urlsplit(request.path).query)
+        expr = parameters["query"][0]
+        found.timeouts.update(parameters["timeout"])
+        found.asked.append((expr, request.headers))
+        answer = found.answers.get(expr, (500, b""))
+        if isinstance(answer, Event):
+            answer.wait(30)
+            answer = 200, {"data": {"resultType": "vector", "result": []}}
+        status, body = answer
+        return status, body if isinstance(body, bytes) else json.dumps(body).encode()
 
-    with answering(Handler) as address:
+    with replying(reply) as address:
         found.address = address
         yield found
         for answer in found.answers.values():

@@ -2,16 +2,14 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, every_second, write_bag
-from support.loopback import answering
+from support.loopback import Request, replying
 
 FLEET = """\
 fleet: f
@@ -61,17 +59,12 @@ class Stub:
 def stub() -> Iterator[Stub]:
     found = Stub()
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            url = urlsplit(self.path)
-            status, body = found.answer(url.path, parse_qs(url.query))
-            text = json.dumps(body).encode()
-            self.send_response(status)
-            self.send_header("Content-Length", str(len(text)))
-            self.end_headers()
-            self.wfile.write(text)
+    def reply(request: Request) -> tuple[int, bytes]:
+        url = urlsplit(request.path)
+        status, body = found.answer(url.path, parse_qs(url.query))
+        return status, json.dumps(body).encode()
 
-    with answering(Handler) as address:
+    with replying(reply) as address:
         found.address = address
         yield found
 
@@ -79,8 +72,8 @@ def stub() -> Iterator[Stub]:
 class Backtest:
     """The command, for one recording of 300 s in which the robot is silent from 100 s to 200 s."""
 
-    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], stub: Stub) -> None:
-        self._capsys, self._stub = capsys, stub
+    def __init__(self, folder: Path, run: Any, stub: Stub) -> None:
+        self._run, self._stub = run, stub
         seconds = [*range(100), *range(200, 300)]
         rows = every_second(seconds, {"motor": range(20, 60)}, topic="/r/diagnostics")
         self._bag, self.config = write_bag(folder / "bag", rows), folder / "fleet.yml"
@@ -88,24 +81,27 @@ class Backtest:
 
     def run(self, *arguments: str) -> tuple[dict[tuple[str, str], list[float | None]], str]:
         """When each fault began to be notified and ended; what the command says on stderr."""
-        given = ("--config", str(self.config), "--output", "json", *arguments)
-        assert main(["backtest", *given, str(self._bag)]) == 0
-        captured = self._capsys.readouterr()
+        printed = self.print(*arguments)
         return {
             (each["component"] or each["state"], each["robot"]): [
                 None if each[key] is None else round(each[key] - BEGIN)
                 for key in ("notified", "ended")
             ]
-            for each in json.loads(captured.out)["notifications"]
-        }, captured.err
+            for each in json.loads(printed.out)["notifications"]
+        }, printed.err
+
+    def print(self, *arguments: str) -> Any:
+        """What the command prints, in JSON."""
+        given = ("--config", str(self.config), "--output", "json", *arguments)
+        return self._run("backtest", *given, str(self._bag))
 
     def asking(self, *arguments: str) -> tuple[dict[tuple[str, str], list[float | None]], str]:
         return self.run("--prometheus", f"http://{self._stub.address}", *arguments)
 
 
 @pytest.fixture
-def backtest(tmp_path: Path, capsys: pytest.CaptureFixture[str], stub: Stub) -> Backtest:
-    return Backtest(tmp_path, capsys, stub)
+def backtest(tmp_path, run, stub) -> Backtest:
+    return Backtest(tmp_path, run, stub)
 
 
 def test_what_was_measured_is_judged_with_what_was_recorded(backtest, stub):
@@ -162,9 +158,7 @@ def test_two_configurations_are_each_judged_by_their_own_queries(backtest, stub,
     other.write_text(FLEET.replace("critical: 5", "critical: 50"))
     stub.series["load"] = {"r": dict.fromkeys(range(0, 300, 5), 9)}
     stub.series["ping"] = {"ap": dict.fromkeys(range(0, 300, 5), 1)}
-    given = ("--config", str(backtest.config), "--compare", str(other), "--output", "json")
     url = ("--prometheus", f"http://{stub.address}")
-    assert main(["backtest", *given, *url, str(tmp_path / "bag")]) == 0
-    found = json.loads(backtest._capsys.readouterr().out)
+    found = json.loads(backtest.print("--compare", str(other), *url).out)
     assert "load" in {each["component"] for each in found["notifications"]}
     assert found["comparison"]
