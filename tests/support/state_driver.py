@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,10 +37,14 @@ def tree(**groups: Iterable[Status]) -> tuple[Status, ...]:
     return tuple(rows)
 
 
-def raw_fleet(*names: str) -> Fleet:
-    """A fleet of robots of these names, each with its raw topic."""
-    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in names)
-    return Fleet("f", tuple(robots))
+def raw_robot(name: str, **settings: Any) -> Robot:
+    """A robot of this name with its raw topic."""
+    return Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW, **settings)
+
+
+def raw_fleet(*names: str, **settings: Any) -> Fleet:
+    """A fleet of robots of these names and settings, each with its raw topic."""
+    return Fleet("f", tuple(raw_robot(name, **settings) for name in names))
 
 
 class StateDriver:
@@ -134,6 +139,27 @@ class StateDriver:
             if step % 60 == 0:
                 self.state.find_unmatched(self.now)
         return self
+
+    def wait(self, seconds: float) -> StateDriver:
+        """Let so many seconds pass."""
+        return self.at(self.now.mono + seconds)
+
+    def seconds(self, number: float) -> Iterator[None]:
+        """So many turns, after each of which a second passes."""
+        end = self.now.mono + number
+        while self.now.mono < end:
+            yield
+            self.wait(1)
+
+    def configure(self, fleet: Fleet | None = None, **changed: Any) -> StateDriver:
+        """Follow another config, or this one with some of its settings changed."""
+        self.state.configure(fleet or replace(self.state.fleet, **changed), self.now)
+        return self
+
+    def follow_profile(self, profile: Profile) -> StateDriver:
+        """Follow a config in which all robots have this profile."""
+        robots = (replace(each, profile=profile) for each in self.state.fleet.robots)
+        return self.configure(robots=tuple(robots))
 
     def receive(
         self, topic: str, *statuses: Status, stamp: float = 0.0, publisher: str = ""

@@ -132,10 +132,9 @@ def test_many_robots_that_boot_together_have_no_common_fault():
     driver = StateDriver(fleet=Fleet("f", tuple(robots)))
 
     def go(until: float, level: int) -> None:
-        while driver.now.mono < until:
+        for _ in driver.seconds(until - driver.now.mono):
             for name in names:
                 driver.receive(f"/{name}/diagnostics", Status(level, "Lidar"))
-            driver.at(driver.now.mono + 1)
 
     go(SETTLED, OK)
     driver.at(SETTLED + 60)
@@ -199,9 +198,9 @@ def test_what_reports_only_changes_has_it_with_what_it_says_first_after_the_sile
 def test_no_robot_boots_because_a_reload_has_it():
     driver = StateDriver(boot_grace=120.0)
     fleet = driver.state.fleet
-    driver.state.configure(replace(fleet, robots=()), driver.now)
+    driver.configure(robots=())
     driver.at(600)
-    driver.state.configure(fleet, driver.now)
+    driver.configure(fleet)
     assert driver.raw_every(1, 650, BLIND).fault_names() == {CRITICAL}
 
 

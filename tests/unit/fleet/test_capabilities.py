@@ -52,7 +52,7 @@ def driver(tmp_path):
 def publish(driver: StateDriver, *changed: Status, seconds: float = 12) -> None:
     names = {each.name for each in changed}
     statuses = (*(each for each in FINE if each.name not in names), *changed)
-    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+    driver.stand(seconds, *statuses)
 
 
 def states(driver: StateDriver) -> dict[str, str]:
@@ -136,7 +136,7 @@ def test_a_fault_that_no_capability_explains_says_what_still_works(driver):
 
 def test_nothing_is_known_of_a_silent_robot(driver):
     publish(driver, Status(ERROR, "Motor 1"))
-    driver.at(driver.now.mono + 60)
+    driver.wait(60)
     assert set(states(driver).values()) == {"unknown"}
     assert {each.identity.state.value: each.capabilities for each in driver.state.faults()} == {
         "lost": "has lost tour, still has lift and charge and view and dock",
@@ -170,8 +170,7 @@ def test_without_capabilities_there_is_nothing_of_them():
 def test_a_config_without_the_capability_has_its_parts_as_faults(driver, tmp_path):
     publish(driver, Status(ERROR, "Motor 1"))
     text = PROFILES.replace("drive: [Motor, Laser], ", "").replace("{capability: drive}, ", "")
-    fleet = load_text(tmp_path, text.replace("{check: motors}", "Laser"))
-    driver.state.configure(fleet, driver.now)
+    driver.configure(load_text(tmp_path, text.replace("{check: motors}", "Laser")))
     publish(driver, Status(ERROR, "Motor 1"))
     assert faults(driver) == {("Motor 1", "critical")}
     assert [(each.state, each.reason) for each in driver.events if each.kind == "fault_ended"] == [

@@ -1,7 +1,6 @@
 """Components that fleet.yml says are behind others of their robot: which, and one fault of them."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import pytest
 
@@ -97,9 +96,7 @@ def test_what_would_be_behind_itself_is_a_fault_of_its_own(rules):
 def test_other_settings_are_followed():
     driver = Driver(profile(Laser="Power"))
     assert driver.pass_to(60, "Laser", "Power").began() == ["Power"]
-    (robot,) = driver.state.fleet.robots
-    changed = replace(driver.state.fleet, robots=(replace(robot, profile=profile()),))
-    driver.state.configure(changed, driver.now)
+    driver.follow_profile(profile())
     assert driver.pass_to(70, "Laser", "Power").began() == ["Laser"]
 
 

@@ -72,7 +72,7 @@ def started(fleet: Fleet) -> dict[str, object]:
 def reloaded(before: Fleet, after: Fleet) -> dict[str, object]:
     driver = StateDriver(fleet=before)
     play(driver, BEFORE)
-    driver.state.configure(after, driver.now)
+    driver.configure(after)
     play(driver, AFTER)
     return judged(driver)
 

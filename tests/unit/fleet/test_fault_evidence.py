@@ -34,7 +34,7 @@ HOT = Status(
 def after(seconds: float, *statuses: Status, before=(MOTOR, LASER), **profile) -> StateDriver:
     """A robot that was well and then had these statuses for some seconds."""
     driver = StateDriver(**profile).raw_every(1, SETTLED, *before)
-    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+    driver.stand(seconds, *statuses)
     return driver
 
 
@@ -182,7 +182,7 @@ def test_of_many_components_that_flap_that_they_do():
 def test_of_a_silent_robot_why_and_when_it_was_last_received():
     driver = after(1, MOTOR)
     last = driver.state.robots["r"].last_wall
-    driver.at(driver.now.mono + 60)
+    driver.wait(60)
     found = {"silent_reason": "publisher_gone", "last_message": last}
     assert details(driver) == {("silent", ""): found}
     assert evidence(driver) == ["nobody publishes on its topics"]
@@ -230,13 +230,13 @@ def test_of_many_robots_what_most_of_them_say(texts, evidence):
 def test_of_a_clock_by_how_much_it_differs():
     driver = after(1, MOTOR, before=(MOTOR,))
     for _ in range(65):
-        driver.at(driver.now.mono + 1)
+        driver.wait(1)
         driver.raw(MOTOR, stamp=driver.now.wall - 90)
     assert driver.fault_names() == {("robot", "clock", "r")}
     assert details(driver)["clock", ""] == {"clock_offset": 90.0}
     assert evidence(driver) == ["its clock is 90 s behind the exporter's"]
     for _ in range(3):
-        driver.at(driver.now.mono + 1)
+        driver.wait(1)
         driver.raw(MOTOR, stamp=driver.now.wall)
     assert driver.fault_names() == set()
 
@@ -271,7 +271,7 @@ robots: [{name: r, topic: /r/diagnostics, source: raw}]
 def test_the_fields_are_those_of_the_begin_also_after_a_restart_and_in_its_event():
     driver = after(12, HOT, before=(MOTOR,))
     before = details(driver)
-    driver.raw_every(1, driver.now.mono + 5, HOT._replace(message="hotter", values=()))
+    driver.stand(5, HOT._replace(message="hotter", values=()))
     assert details(driver) == before
     (began,) = [each for each in driver.events if each.kind == "fault_began"]
     assert began.details == before["critical", "Motor"]

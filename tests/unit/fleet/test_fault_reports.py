@@ -20,7 +20,6 @@ from ros_diagnostics_exporter.config.fleet import (
     Fleet,
     Maintenance,
     Profile,
-    Robot,
     Source,
     Threshold,
     ValueRule,
@@ -44,8 +43,7 @@ def settled(*statuses: Status, **profile) -> StateDriver:
 
 def reloaded(driver: StateDriver, **profile) -> None:
     (robot,) = driver.state.fleet.robots
-    robot = replace(robot, profile=replace(robot.profile, **profile))
-    driver.state.configure(replace(driver.state.fleet, robots=(robot,)), driver.now)
+    driver.follow_profile(replace(robot.profile, **profile))
 
 
 def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
@@ -94,7 +92,7 @@ def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
 
 def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
     driver = settled(MOTOR, LASER)
-    driver.at(driver.now.mono + 100)
+    driver.wait(100)
     back = driver.now.wall
     (fault,) = driver.stand(12, WARM, LASER).state.faults()
     assert fault.since == driver.problem_since("Motor") == back
@@ -119,7 +117,7 @@ def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history
         parts = list(zip((MOTOR, LASER), levels, strict=True))
         for _ in range(2):
             driver.raw(*(each._replace(level=to) for each, to in parts if to is not None))
-        driver.at(driver.now.mono + seconds)
+        driver.wait(seconds)
         if restarts and seconds == 30:
             driver = restarted(driver, driver.fault_rows()).raw(MOTOR)
         lasting = [fault for fault in driver.state.faults() if fault.identity.component]
@@ -169,7 +167,7 @@ def test_the_ratio_that_is_served_is_the_one_by_which_flapping_is_judged():
     ratio, shown = flap_ratios(driver)
     assert ratio == shown == pytest.approx(sum((1.25, 1.224, 1.197, 1.171)) / 20, abs=1e-3)
 
-    driver.at(driver.now.mono + 400)  # silence is neither a change nor rest
+    driver.wait(400)  # silence is neither a change nor rest
     driver.raw(MOTOR)
     assert flap_ratios(driver) == (ratio, ratio)
 
@@ -212,8 +210,8 @@ def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
 
 
 def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
-    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
-    driver = StateDriver(fleet=Fleet("f", (robot,))).raw_every(1, SETTLED, MOTOR).stand(12, WARM)
+    driver = StateDriver(fleet=raw_fleet("r", labels={"site": "hall"}))
+    driver.raw_every(1, SETTLED, MOTOR).stand(12, WARM)
     driver.state.forget("r", "Motor", driver.now)
     found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
     assert found == [
@@ -238,7 +236,7 @@ def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
     driver = StateDriver(Source.AGG).agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
     driver.agg_every(1, 60, *tree(Parts=[HOT, LASER]))
     last = driver.now.wall - 1
-    driver.at(driver.now.mono + 30)
+    driver.wait(30)
     critical = ("component", "critical", "r", "/Parts", "Motor")
     assert driver.fault_names() == {("robot", "silent", "r"), critical}
     assert [each.since for each in driver.state.faults() if not each.identity.component] == [last]
@@ -304,9 +302,9 @@ def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot
 def test_what_reports_stale_after_the_robots_return_is_in_trouble_from_that_array_on(before):
     driver = StateDriver(stale_after=20.0)
     driver.raw_every(10, SETTLED, MOTOR._replace(level=before), LASER)
-    driver.at(driver.now.mono + 60)
+    driver.wait(60)
     driver.raw(LASER)
-    driver.at(driver.now.mono + 2)
+    driver.wait(2)
     driver.raw(MOTOR._replace(level=STALE), LASER)
 
     problems = driver.state.problems(driver.now)
@@ -386,10 +384,8 @@ def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
     taken = [{row.kind for row in driver.state.take_fault_rows(driver.now)} for _ in range(2)]
     assert ["downtimes" in kinds for kinds in taken] == [True, False]
     fleet = driver.raw_every(1, 60, MOTOR, LASER).state.fleet
-    driver.state.configure(replace(fleet, robots=()), driver.now)
-    driver.state.configure(
-        replace(fleet, faults=replace(fleet.faults, restart_grace=1)), driver.now
-    )
+    driver.configure(robots=())
+    driver.configure(robots=fleet.robots, faults=replace(fleet.faults, restart_grace=1))
     assert driver.raw_every(1, 100, HOT, LASER).fault_names() == set()
 
 
@@ -467,7 +463,7 @@ def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
 
 def test_a_robot_that_the_config_no_longer_has_has_no_faults():
     driver = settled(MOTOR).stand(12, HOT)
-    driver.state.configure(Fleet("f"), driver.now)
+    driver.configure(Fleet("f"))
     assert driver.fault_names() == set()
     assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
     with pytest.raises(LookupError):
@@ -520,11 +516,11 @@ def without_database(driver: StateDriver) -> StateDriver:
 
 def test_without_its_database_a_process_goes_on_with_what_fires():
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
-    before.at(before.now.mono + 100)
+    before.wait(100)
     lost = {CRITICAL, ("robot", "silent", "r")}
     assert before.fault_names() == lost
     after = without_database(before)
-    assert after.at(after.now.mono + 1_000).fault_names() == lost  # and it is not pending
+    assert after.wait(1_000).fault_names() == lost  # and it is not pending
     assert after.state.faults() == before.state.faults()
     assert after.raw(HOT, LASER).fault_names() == {CRITICAL}
     assert after.raw(MOTOR, LASER).fault_names() == set()
@@ -576,7 +572,7 @@ def test_a_person_forgets_what_fires_of_components_that_were_never_received_here
     before = settled(MOTOR, LASER).stand(12, HOT, LASER)
     after = without_database(before)
     after.state.forget("no such", None, after.now)
-    after.at(after.now.mono + 1_000)
+    after.wait(1_000)
     pending = {("robot", "pending", "r")}
     assert after.fault_names() == {CRITICAL} | pending
     after.state.forget("r", None, after.now)
@@ -605,7 +601,7 @@ def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
     rules = (ComponentRule(re.compile("Motor"), reports="on_change", ends_after=60.0),)
     before = settled(MOTOR, LASER, components=rules).stand(12, HOT, LASER)
     after = without_database(before)
-    after.at(after.now.mono + 1_000)  # its robot is silent
+    after.wait(1_000)  # its robot is silent
     begin = after.now.mono
     after.raw_every(1, begin + 115, LASER)  # of which the first minute does not count
     assert CRITICAL in after.fault_names()
@@ -633,10 +629,9 @@ def find(driver: StateDriver, number: int) -> None:
 
 
 def send(driver: StateDriver, until: float, number: int) -> None:
-    while driver.now.mono < until:
+    for _ in driver.seconds(until - driver.now.mono):
         for each in range(number):
             driver.receive(f"/r{each}/diagnostics", MOTOR)
-        driver.at(min(until, driver.now.mono + 1))
 
 
 def test_what_fires_of_a_site_lasts_until_its_robots_had_time_to_be_found():
@@ -681,7 +676,7 @@ def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     assert after.fault_names() == {CRITICAL}
     assert after.state.faults() == before.state.faults()
     assert not after.state.settled(after.now)
-    after.at(after.now.mono + 20)
+    after.wait(20)
     assert after.fault_names() == {CRITICAL}  # nothing received yet, within restart_grace
     assert after.stand(20, HOT).fault_names() == {CRITICAL}
     assert after.state.settled(after.now)
@@ -698,7 +693,7 @@ def test_a_component_that_never_returns_after_a_restart_is_stale():
 def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
     before = StateDriver(confirm_after=60.0).raw_every(1, SETTLED, MOTOR).stand(70, HOT)
     after = restarted(before, [])
-    after.at(after.now.mono + 20)  # until the robot is received
+    after.wait(20)  # until the robot is received
     while not after.fault_names():
         assert not after.state.settled(after.now)
         after.stand(1, HOT)
@@ -719,17 +714,15 @@ def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier()
 
 def test_a_reload_applies_other_settings_of_faults():
     driver = settled(MOTOR)
-    fleet = driver.state.fleet
-    driver.stand(1, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
-    many = replace(fleet.faults, many=CauseSettings(3, 0.1))
-    driver.state.configure(replace(fleet, faults=many), driver.now)
-    driver.stand(20, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    parts = (*(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    driver.stand(1, *parts)
+    driver.configure(faults=replace(driver.state.fleet.faults, many=CauseSettings(3, 0.1)))
+    driver.stand(20, *parts)
     assert driver.fault_names() == {("robot", "many", "r", "critical")}
 
 
 def test_a_start_follows_the_settings_of_faults():
-    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
-    fleet = Fleet("f", (robot,), faults=FaultSettings(pending_after=100.0))
+    fleet = replace(raw_fleet("r"), faults=FaultSettings(pending_after=100.0))
     driver = restarted(StateDriver(fleet=fleet), [])
     assert driver.at(99).fault_names() == set()
     assert driver.at(101).fault_names() == {("robot", "pending", "r")}
@@ -890,7 +883,7 @@ def test_what_suppresses_a_component_is_known_while_the_condition_and_the_robot_
     assert driver.stand(2, HOT).component("Motor").suppressed_because == ""
     driver.stand(2, HOT, Status(WARN, "Charger"))
     assert driver.component("Motor").suppressed_because == "only when Charger is OK"
-    assert driver.at(driver.now.mono + 60).component("Motor").suppressed_because == ""
+    assert driver.wait(60).component("Motor").suppressed_because == ""
 
 
 # -- both topics ---------------------------------------------------------------------------------
@@ -901,12 +894,10 @@ def test_the_tree_is_read_while_no_raw_message_comes():
     driver = StateDriver(Source.BOTH)
 
     def go(seconds: float, motor: Status, *, is_raw: bool) -> None:
-        until = driver.now.mono + seconds
-        while driver.now.mono < until:
+        for _ in driver.seconds(seconds):
             if is_raw:
                 driver.raw(motor, LASER)
             driver.agg(*tree(Parts=(motor, LASER)))
-            driver.at(driver.now.mono + 1)
 
     go(SETTLED, MOTOR, is_raw=True)
     go(60, MOTOR, is_raw=False)
@@ -921,11 +912,10 @@ def test_the_tree_is_read_while_no_raw_message_comes():
 
 def test_what_only_drivers_publish_is_stale_while_the_tree_goes_on():
     driver = StateDriver(Source.BOTH)
-    while driver.now.mono < SETTLED + 60:
+    for _ in driver.seconds(SETTLED + 60):
         if driver.now.mono < SETTLED:
             driver.raw(MOTOR, LASER)
         driver.agg(*tree(Parts=(MOTOR,)))
-        driver.at(driver.now.mono + 1)
     assert driver.faults() == [("Laser", "stale")]
 
 

@@ -195,7 +195,7 @@ def test_what_is_removed_from_the_file_ends_as_removed(hall, tmp_path):
     hall.path.write_text(
         "".join(line for line in text.splitlines(keepends=True) if "lifting at" not in line)
     )
-    hall.state.configure(load(hall.path), hall.now)
+    hall.configure(load(hall.path))
     assert hall.work(3).changes[1:] == ["ended removed no_reserve"]
 
 

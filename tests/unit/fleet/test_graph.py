@@ -41,13 +41,11 @@ class Driver(StateDriver):
     link: LinkReading | None = WELL
 
     def go_on(self, seconds: float, *nodes: str, statuses=(MOTOR,)):
-        end = self.now.mono + seconds
-        while self.now.mono < end:
+        for _ in self.seconds(seconds):
             if statuses:
                 self.raw(*statuses)
             self.state.update_links(0, {"/r/diagnostics": self.link}, self.now)
             self.state.update_nodes(0, [(each, "/r") for each in nodes], self.now)
-            self.at(self.now.mono + 1)
         return self
 
 
@@ -73,13 +71,13 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
     assert driver.sample("component_level", component="node amcl") == ERROR
     assert driver.sample("component_state", component="node amcl") is None
     assert driver.faults() == []
-    driver.state.configure(fleet(mode="auto", learn_after=61.0), driver.now)
+    driver.configure(fleet(mode="auto", learn_after=61.0))
     assert driver.go_on(60, "diag").faults() == []
 
-    driver.state.configure(fleet(mode="on"), driver.now)
+    driver.configure(fleet(mode="on"))
     driver.go_on(45, "diag")
     assert (driver.faults(), component.suppressed_because) == ([("node amcl", "critical")], "")
-    driver.state.configure(fleet(mode="on", learn_after=61.0), driver.now)
+    driver.configure(fleet(mode="on", learn_after=61.0))
     assert driver.go_on(45, "diag").faults() == [("node amcl", "critical")]
     assert not [each for each in driver.events if each.kind == "fault_ended"]
 
@@ -291,7 +289,7 @@ def test_what_the_config_ignores_is_no_fault_any_more_also_of_a_robot_that_is_of
     driver = Driver(fleet=fleet()).go_on(70, *USUAL)
     driver.go_on(30, "diag")
     assert ("node amcl", "critical") in driver.go_on(60, statuses=()).faults()
-    driver.state.configure(fleet(ignore=(re.compile("amcl"),)), driver.now)
+    driver.configure(fleet(ignore=(re.compile("amcl"),)))
     assert ("node amcl", "critical") not in driver.go_on(2, statuses=()).faults()
     ends = [each for each in driver.events if each.kind == "fault_ended"]
     assert [(each.component, each.reason) for each in ends] == [("node amcl", "removed")]
@@ -337,7 +335,7 @@ def test_of_a_robot_that_is_not_watched_any_more_nothing_of_the_graph_is_left():
     driver.link = LOSSY
     driver.go_on(60, "diag")
     assert {each for each, _state in driver.faults()} == {"Laser", "link", "node amcl"}
-    driver.state.configure(fleet(mode="off"), driver.now)
+    driver.configure(fleet(mode="off"))
     assert [each.name for each in driver.go_on(5, "diag").robot.components] == ["Motor", "Laser"]
     assert driver.faults() == [("Laser", "stale")]
     assert driver.sample("robot_expected_nodes") is None

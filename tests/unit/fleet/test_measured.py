@@ -103,7 +103,7 @@ def test_a_stale_that_is_planned_is_no_fault_and_ends_none():
 def test_what_has_no_ros_is_up_once_it_is_measured_and_never_silent(tmp_path: Path):
     server = Robot("r", source=Source.QUERIES).completed({})
     driver = Driver(query=QUERY)
-    driver.state.configure(Fleet("f", (server,), queries=(QUERY,)), driver.now)
+    driver.configure(Fleet("f", (server,), queries=(QUERY,)))
     assert driver.state.fleet.domain_ids == ()
     driver.answer()
     assert not driver.robot.up
@@ -141,9 +141,7 @@ def test_after_a_restart_it_is_the_same_component_and_no_fault_for_want_of_an_an
     driver.keep(tmp_path / "db")
     again = driver.restart(tmp_path / "db")
     try:
-        while again.now.mono < 300:  # the robot is back, Prometheus is not
-            again.raw(MOTOR)
-            again.at(again.now.mono + 1)
+        again.raw_every(1, 300, MOTOR)  # the robot is back, Prometheus is not
         found = [each.identity.component for each in again.state.faults()]
         assert (again.level("disk"), found) == (STALE, ["disk"])
         again.state.receive_answer(QUERY.feed, {"r": [DISK]}, again.now)
@@ -157,7 +155,7 @@ def test_after_a_restart_it_is_the_same_component_and_no_fault_for_want_of_an_an
 def test_a_query_that_is_taken_out_takes_its_components_and_their_faults_with_it(driver):
     driver.pass_to(40, FULL)
     old = QUERY.feed
-    driver.state.configure(replace(driver.state.fleet, queries=()), driver.now)
+    driver.configure(queries=())
     assert [each.name for each in driver.robot.components] == ["Motor"]
     assert driver.faults() == []
     driver.state.receive_answer(old, {"r": [FULL]}, driver.now)  # which was under way

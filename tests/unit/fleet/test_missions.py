@@ -247,10 +247,9 @@ def test_goals_of_one_action_that_fail_on_many_robots_are_one_fault(tmp_path):
     topics = [f"/{each}/{DOCK}{STATUS}" for each in names]
 
     def stand(seconds: int) -> None:
-        for _ in range(seconds):
+        for _ in driver.seconds(seconds):
             for name in names:
                 driver.receive(f"/{name}/diagnostics", LASER)
-            driver.at(driver.now.mono + 1)
 
     driver.state.update_nodes(0, [("dock", f"/{each}") for each in names], driver.now)
     driver.state.watched_topics(0, {each: [GOALS_TYPE] for each in topics}, driver.now)

@@ -19,18 +19,14 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.fleet.state import PASS_ON
 from ros_diagnostics_exporter.fleet.unmatched import GRACE
-from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
-from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
+from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, raw_fleet, raw_robot, tree
 
 HOT, LASER = Status(ERROR, "Motor", "Hot"), Status(OK, "Laser", values=(("Voltage", "12 V"),))
 
 
-def raw_robot(name: str, **more) -> Robot:
-    return Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW, **more)
-
-
 def faulty() -> StateDriver:
-    driver = StateDriver(fleet=Fleet("f", (raw_robot("r"),))).raw(LASER)
+    driver = StateDriver(fleet=raw_fleet("r")).raw(LASER)
     driver.at(1)
     driver.raw(HOT)
     return driver
@@ -40,12 +36,8 @@ def test_robots_come_and_go_while_a_fault_goes_on_unbroken():
     driver = faulty()
     before = driver.samples()
 
-    for fleet in (
-        Fleet("f", (raw_robot("r"), raw_robot("new"))),
-        Fleet("f", (raw_robot("r"),)),
-        Fleet("f", (raw_robot("r"), raw_robot("other"))),
-    ):
-        driver.state.configure(fleet, driver.now)
+    for names in (("r", "new"), ("r",), ("r", "other")):
+        driver.configure(raw_fleet(*names))
         after = driver.samples()
         for name, samples in before.items():
             assert samples.items() <= after[name].items(), name
@@ -62,7 +54,7 @@ def test_a_changed_profile_is_followed_without_a_reset():
     checks = (Check("all"), Check("motors", (re.compile("Motor"),)))
     values = (ValueRule(key=re.compile("Voltage"), metric="ros_voltage_volts"),)
     profile = Profile(name="softer", components=rules, checks=checks, values=values)
-    driver.state.configure(Fleet("f", (raw_robot("r", profile=profile),)), driver.now)
+    driver.configure(raw_fleet("r", profile=profile))
 
     motor = driver.component("Motor")
     assert (motor.level, motor.reported, motor.changes) == (WARN, ERROR, 1)
@@ -76,7 +68,7 @@ def test_a_changed_profile_is_followed_without_a_reset():
 def test_a_fleet_that_is_renamed_is_renamed_in_every_sample():
     driver = faulty()
     before = driver.samples()
-    driver.state.configure(dataclasses.replace(driver.state.fleet, name="renamed"), driver.now)
+    driver.configure(name="renamed")
 
     after = driver.samples()
     assert before.keys() == after.keys()
@@ -87,7 +79,7 @@ def test_a_fleet_that_is_renamed_is_renamed_in_every_sample():
 def test_a_robot_keeps_its_history_when_it_moves_to_another_topic():
     driver = faulty()
     moved = Robot("r", topic_raw="/elsewhere/diagnostics", source=Source.RAW)
-    driver.state.configure(Fleet("f", (moved,)), driver.now)
+    driver.configure(Fleet("f", (moved,)))
     assert driver.state.wanted_topics(0) == {"/elsewhere/diagnostics": False}
 
     driver.at(2)
@@ -104,10 +96,10 @@ def test_a_discovered_robot_that_is_declared_stays_the_same_robot_and_back():
 
     declared = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics")
     for fleet in (Fleet("f", (declared,), (discovery,)), Fleet("f", discoveries=(discovery,))):
-        driver.state.configure(fleet, driver.now)
+        driver.configure(fleet)
         assert driver.level("Motor") == ERROR
 
-    driver.state.configure(Fleet("f"), driver.now)
+    driver.configure(Fleet("f"))
     assert not driver.state.robots
     assert driver.state.wanted_topics(0) == {}
 
@@ -132,7 +124,7 @@ def followed(driver: StateDriver, fleet: Fleet, path, *, restart: bool) -> State
     if restart:
         driver.keep(path)
         return driver.restart(path, fleet=fleet)
-    driver.state.configure(fleet, driver.now)
+    driver.configure(fleet)
     return driver
 
 
@@ -142,11 +134,7 @@ def test_a_robot_declared_by_another_name_than_discovery_gave_it_is_one_robot(tm
     fleet = Fleet("f", (declared,), (BY_TOPIC,))
     driver = followed(found("/r/diagnostics"), fleet, tmp_path / "state", restart=restart)
     driver.state.update_graph(0, {"/r/diagnostics": RAW_ON}, driver.now)
-    end = driver.now.mono + 60
-    while driver.now.mono < end:
-        receive(driver, HOT, topic="/r/diagnostics")
-        driver.state.tick(driver.now)
-        driver.now = Instant(driver.now.mono + 1, driver.now.wall + 1)
+    driver.stand(60, HOT)
 
     assert [*driver.state.robots] == ["Lift 1"]
     assert [each.identity.robot for each in driver.state.faults()] == ["Lift 1"]
@@ -157,7 +145,7 @@ def test_a_declared_robot_that_moves_to_a_discovered_one_s_topic_replaces_it():
     driver = found("/r/diagnostics")
     for topic in ("/x/diagnostics", "/r/diagnostics"):
         declared = Robot("Lift 1", topic_raw=topic, source=Source.RAW)
-        driver.state.configure(Fleet("f", (declared,), (BY_TOPIC,)), driver.now)
+        driver.configure(Fleet("f", (declared,), (BY_TOPIC,)))
     assert [*driver.state.robots] == ["Lift 1"]
 
 
@@ -180,8 +168,7 @@ def test_a_topic_declared_shared_is_no_robot_s_any_more(tmp_path, restart, disco
 def test_a_silent_robot_taken_out_of_the_config_goes_though_a_pattern_fits(
     tmp_path, restart, publishes
 ):
-    declared = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
-    driver = StateDriver(fleet=Fleet("f", (declared,), (BY_TOPIC,))).raw_every(1, 40, HOT)
+    driver = StateDriver(fleet=Fleet("f", (raw_robot("r"),), (BY_TOPIC,))).raw_every(1, 40, HOT)
     assert {each.identity.state for each in driver.at(120).state.faults()} == {"silent", "critical"}
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(int(publishes))}, driver.now)
     fleet = Fleet("f", discoveries=(BY_TOPIC,))
@@ -198,7 +185,7 @@ def test_a_silent_robot_taken_out_of_the_config_goes_though_a_pattern_fits(
 
 def test_the_budget_is_whole_again_when_all_robots_have_gone():
     driver = faulty()
-    driver.state.configure(Fleet("f"), driver.now)
+    driver.configure(Fleet("f"))
 
     assert driver.state._registry.series.used == 0
 
@@ -272,7 +259,7 @@ def test_a_robot_that_is_declared_on_a_shared_topic_leaves_the_others_of_it_alon
     motors = [Status(OK, "Motor", hardware_id=f"r{n}") for n in (1, 2)]
     receive(driver, *motors)
     declared = tuple(Robot(f"r{n}", topic_raw="/diagnostics", source=Source.RAW) for n in (1, 3))
-    driver.state.configure(dataclasses.replace(driver.state.fleet, robots=declared), driver.now)
+    driver.configure(robots=declared)
     receive(driver, *motors)
     messages = driver.samples()["robot_messages_total"].items()
     assert {dict(labels)["robot"]: n for labels, n in messages} == {"r1": 2, "r2": 2, "r3": 0}
@@ -325,7 +312,7 @@ class BetweenHolds:
 
 def test_between_robots_that_follow_a_reload_others_have_the_lock():
     names = [f"r{n}" for n in range(3 * PASS_ON)]
-    driver = StateDriver(fleet=Fleet("f", tuple(map(raw_robot, names))))
+    driver = StateDriver(fleet=raw_fleet(*names))
     softer = Profile(components=(ComponentRule(re.compile("Motor"), levels={ERROR: WARN}),))
     followed = []
 
@@ -337,8 +324,7 @@ def test_between_robots_that_follow_a_reload_others_have_the_lock():
             driver.state.receive(topic, Array(0.0, (HOT,), 1), driver.now)
 
     driver.state._lock = BetweenHolds(driver.state._lock, receive)
-    robots = tuple(raw_robot(name, profile=softer) for name in names)
-    driver.state.configure(Fleet("f", robots), driver.now)
+    driver.configure(raw_fleet(*names, profile=softer))
 
     assert sorted(set(followed)) == [PASS_ON, 2 * PASS_ON, 3 * PASS_ON]
     for robot in driver.state.robots.values():
@@ -358,7 +344,7 @@ def test_what_is_discovered_while_a_reload_is_about_to_declare_it_follows_the_co
     driver.state._lock = BetweenHolds(driver.state._lock, discover)
     profile = Profile(stale_after=77.0)
     new = raw_robot("new", profile=profile)
-    driver.state.configure(Fleet("f", (*known, new), discoveries=(BY_TOPIC,)), driver.now)
+    driver.configure(Fleet("f", (*known, new), discoveries=(BY_TOPIC,)))
 
     robot = driver.state.robots["new"]
     assert found[0] is robot
@@ -369,38 +355,34 @@ def test_what_is_discovered_while_a_reload_is_about_to_declare_it_follows_the_co
 
 
 def test_what_is_watched_in_the_graph_follows_before_the_reload_ends():
-    watched = raw_robot("r", profile=Profile(graph=Graph(mode="on")))
-    driver = StateDriver(fleet=Fleet("f", (watched,)))
+    driver = StateDriver(graph=Graph(mode="on"))
     driver.state.update_nodes(0, [("driver", "/r")], driver.now)
     assert driver.state.accept_graph("r", driver.now) == 1
 
-    driver.state.configure(
-        Fleet("f", (raw_robot("r", profile=Profile(graph=Graph(mode="off"))),)), driver.now
-    )
+    driver.follow_profile(Profile(graph=Graph(mode="off")))
     with pytest.raises(LookupError):
         driver.state.accept_graph("r", driver.now)
 
 
 def test_an_entry_that_a_reload_takes_out_is_not_reported_as_matching_nothing():
     wrong = Profile(components=(ComponentRule(re.compile("Mottor"), levels={ERROR: WARN}),))
-    fleet = Fleet("f", (raw_robot("r", profile=wrong),), profiles={wrong.name: wrong})
-    driver = StateDriver(fleet=fleet)
+    fleet = raw_fleet("r", profile=wrong)
+    driver = StateDriver(fleet=dataclasses.replace(fleet, profiles={wrong.name: wrong}))
     for seconds in range(1, int(GRACE) + 60, 30):
         driver.at(seconds)
         driver.raw(LASER)
         driver.state.find_unmatched(driver.now)
     assert [each.entry for each in driver.state.unmatched.entries] == ["Mottor"]
 
-    driver.state.configure(Fleet("f", (raw_robot("r"),)), driver.now)
+    driver.configure(raw_fleet("r"))
     assert driver.state.unmatched.entries == ()
 
 
 @pytest.mark.parametrize("source", [Source.AGG, Source.AUTO])
 def test_a_robot_that_is_read_from_its_aggregator_from_now_on_is_judged_by_it(source):
-    how = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics", source=Source.RAW)
-    driver = StateDriver(fleet=Fleet("f", (how,))).raw_every(1, 5, HOT, LASER)
+    driver = StateDriver().raw_every(1, 5, HOT, LASER)
 
-    driver.state.configure(Fleet("f", (dataclasses.replace(how, source=source),)), driver.now)
+    driver.configure(StateDriver(source).state.fleet)
     driver.agg_every(1, 60, *tree(Motors=[HOT._replace(level=OK)]))
     assert {each.name: each.level for each in driver.robot.components} == {"Motor": OK}
     switched = [event.message for event in driver.events if event.kind == "graph"]
@@ -409,9 +391,7 @@ def test_a_robot_that_is_read_from_its_aggregator_from_now_on_is_judged_by_it(so
 
 def test_a_robot_that_is_read_from_its_drivers_from_now_on_has_no_groups():
     driver = StateDriver(Source.AGG).agg_every(1, 5, *tree(Motors=[HOT]))
-    (settings,) = (each.settings for each in driver.state.robots.values())
-    raw = dataclasses.replace(settings, source=Source.RAW)
-    driver.state.configure(Fleet("f", (raw,)), driver.now)
+    driver.configure(StateDriver(Source.RAW).state.fleet)
     assert driver.robot.groups == {}
 
 
@@ -420,15 +400,14 @@ def test_a_site_that_is_renamed_while_it_is_silent_is_one_fault_of_its_new_name(
     names = [f"r{number}" for number in range(6)]
 
     def of(site: str) -> Fleet:
-        return Fleet("f", tuple(raw_robot(name, labels={"site": site}) for name in names))
+        return raw_fleet(*names, labels={"site": site})
 
     driver = StateDriver(fleet=of("hall"))
-    while driver.now.mono < 60:
+    for _ in driver.seconds(60):
         for name in names:
             driver.receive(f"/{name}/diagnostics", LASER)
-        driver.at(driver.now.mono + 1)
     assert driver.at(150).fault_names() == {("site", "silent", "hall")}
-    driver.state.configure(of("yard"), driver.now)
+    driver.configure(of("yard"))
     assert driver.at(170).fault_names() == {("site", "silent", "yard")}
     changes = [(each.kind, each.reason) for each in driver.events if each.kind.startswith("fault")]
     assert changes == [("fault_began", ""), ("fault_ended", "removed"), ("fault_began", "")]

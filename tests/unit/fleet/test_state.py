@@ -1,6 +1,5 @@
 """Robots that are found, limited and dropped, and what of them the fleet shows."""
 
-import dataclasses
 import re
 from math import inf
 
@@ -38,7 +37,7 @@ def test_a_topic_of_another_type_counts_once_and_again_after_a_reload(caplog):
     others = {"/r/diagnostics": ("std_msgs/msg/String",), "/r/odom": ("nav_msgs/msg/Odometry",)}
     driver.state.note_other_types(0, others, driver.now)
     assert driver.state.rejected["wrong_type"] == 0
-    driver.state.configure(Fleet("f", discoveries=(wanted,)), driver.now)
+    driver.configure(Fleet("f", discoveries=(wanted,)))
     driver.state.note_other_types(0, {**others, "/s/odom": ()}, driver.now)
     assert driver.state.rejected["wrong_type"] == 1
     assert not driver.state.robots_over_limit
@@ -193,7 +192,7 @@ def test_more_robots_than_the_limit_are_refused_and_counted():
     assert driver.state.rejected["robot_limit"] == 1
     assert driver.sample("robot_silent_reason", robot="r2", reason="limit") == 1
 
-    driver.state.configure(Fleet("f", fleet.robots[1:], limits=Limits(robots=2)), driver.now)
+    driver.configure(Fleet("f", fleet.robots[1:], limits=Limits(robots=2)))
     assert set(driver.state.robots) == {"r1", "r2"}
     assert driver.sample("robot_silent_reason", reason="limit") is None
 
@@ -248,8 +247,7 @@ def test_every_robot_that_waits_has_its_turn():
 def test_a_declared_robot_needs_not_wait():
     driver = crowded(1)
     look(driver, "mute")
-    declared = dataclasses.replace(driver.state.fleet, robots=(Robot("r", topic_raw=RAW),))
-    driver.state.configure(declared, driver.now)
+    driver.configure(robots=(Robot("r", topic_raw=RAW),))
     assert set(driver.state.robots) == {"r"}
 
 

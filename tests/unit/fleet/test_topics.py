@@ -44,15 +44,13 @@ class Driver(StateDriver):
     nodes = ("driver",)
 
     def go_on(self, seconds: float, *raw, **sent):
-        end = self.now.mono + seconds
-        while self.now.mono < end:
+        for _ in self.seconds(seconds):
             if raw:
                 self.raw(*raw)
             self.state.update_nodes(0, [(each, "/r") for each in self.nodes], self.now)
             self.state.watched_topics(0, self.types, self.now)
             for name, message in sent.items():
                 self.send(f"/r/{name}", message)
-            self.at(self.now.mono + 1)
         return self
 
     def send(self, topic: str, message) -> None:
@@ -81,7 +79,7 @@ def test_the_robot_is_up_while_any_of_its_topics_is_received(driver):
     assert driver.sample("robot_up") == 0
     assert driver.go_on(5, e_stop=Bool()).sample("robot_up") == 1
     assert driver.robot.silent_reason is None
-    assert driver.at(driver.now.mono + 25).sample("robot_up") == 0
+    assert driver.wait(25).sample("robot_up") == 0
     assert driver.faults() == [("", "silent")]
     assert (driver.go_on(3, e_stop=Bool()).sample("robot_up"), driver.faults()) == (1, [])
 
@@ -173,7 +171,7 @@ def test_a_topic_that_two_robots_ask_for_is_read_of_none(tmp_path):
 def test_an_entry_that_the_config_no_longer_has_takes_its_component_along(driver, tmp_path):
     driver.go_on(3, battery_state=BatteryState(), e_stop=Bool(data=True))
     text = "".join(line for line in FLEET.splitlines(keepends=True) if "E-stop" not in line)
-    driver.state.configure(fleet_of(tmp_path, text=text), driver.now)
+    driver.configure(fleet_of(tmp_path, text=text))
 
     assert [each.name for each in driver.robot.components] == ["Battery"]
 
@@ -261,7 +259,7 @@ def test_a_robot_of_queries_may_have_topics_and_is_never_silent(tmp_path):
     driver = Driver(fleet=fleet_of(tmp_path, "source: queries, domain_id: 0"))
     assert driver.state.fleet.domain_ids == (0,)
     assert driver.go_on(15, e_stop=Bool(data=True)).faults() == [("E-stop", "critical")]
-    assert driver.at(driver.now.mono + 60).sample("robot_up") == 1
+    assert driver.wait(60).sample("robot_up") == 1
     assert driver.sample("robot_info", domain_id="0") == 1
 
 
@@ -315,15 +313,14 @@ def test_a_robot_is_found_by_any_topic_and_has_the_namespace_up_to_its_name(tmp_
     assert dict(driver.state.rejected)["duplicate_robot"] == 0
 
     driver.types = {topic: [BOOL]}
-    for _ in range(15):
+    for _ in driver.seconds(15):
         driver.state.update_nodes(0, [("plc", "/hall/r")], driver.now)
         driver.state.watched_topics(0, driver.types, driver.now)
         driver.send(topic, Bool(data=True))
-        driver.at(driver.now.mono + 1)
     assert driver.faults() == [("E-stop", "critical")]
     later = driver.again(tmp_path / "db")
     assert list(later.state.robots) == ["r"]
-    later.state.configure(later.state.fleet, later.now)
+    later.configure(later.state.fleet)
     assert later.robot.settings.namespace == "/hall/r"
 
 
@@ -343,9 +340,7 @@ def test_an_array_of_an_aggregator_says_nothing_of_what_was_known_of_fields(tmp_
         driver.agg(*rows)
         driver.go_on(1, battery_state=BatteryState(percentage=0.5), e_stop=Bool())
     later = driver.again(tmp_path / "db")
-    for _ in range(20):
-        later.agg(*rows)
-        later.at(later.now.mono + 1)
+    later.agg_every(1, 20, *rows)
 
     assert later.level("Battery") == STALE
     assert later.state.faults() == []
@@ -367,7 +362,7 @@ def test_what_was_wrong_with_an_entry_that_is_corrected_is_no_problem_any_more(d
     assert driver.go_on(50, e_stop=Bool()).faults() == [("watch", "warning")]
     text = FLEET.replace("topic: battery_state, component: Battery", "topic: bat, component: Cell")
     driver.types["/r/bat"] = [BATTERY]
-    driver.state.configure(fleet_of(tmp_path, text=text), driver.now)
+    driver.configure(fleet_of(tmp_path, text=text))
     driver.go_on(3, bat=BatteryState(), e_stop=Bool())
 
     assert driver.faults() == []

@@ -51,14 +51,13 @@ class Robot(StateDriver):
         """Look at the graph, and send these messages by the names of topics, once a second."""
         namespace = self.settings.namespace
         messages = {f"{namespace}/{name.replace('__', '/')}": each for name, each in sent.items()}
-        for _ in range(seconds):
+        for _ in self.seconds(seconds):
             self.state.update_nodes(0, [("driver", namespace)], self.now)
             self.types |= {name: [kind] for name, (kind, _message) in messages.items()}
             wanted = self.state.watched_topics(0, self.types, self.now)
             for name in wanted.keys() & messages.keys():
                 data = bytes(STORE.serialize_cdr(messages[name][1], wanted[name]))
                 self.state.receive_fields(0, name, wanted[name], data, self.now)
-            self.at(self.now.mono + 1)
         return self
 
     def found(self) -> dict[str, tuple[int, str]]:

@@ -126,13 +126,12 @@ def test_a_reload_and_a_domain_that_is_left_apply_at_once(tmp_path):
         "{name: robot_1, domain_id: 1}",
     ]
     (tmp_path / "fleet.yml").write_text("fleet: f\nrobots: [{name: r}]\n")
-    driver.state.configure(load(tmp_path / "fleet.yml"), driver.now)
+    driver.configure(load(tmp_path / "fleet.yml"))
     assert unclaimed(driver) == []
 
 
 def test_robots_that_a_limit_rejects_are_not_named_as_nobodys(shipped):
-    fleet = shipped.state.fleet
-    shipped.state.configure(replace(fleet, limits=replace(fleet.limits, robots=1)), shipped.now)
+    shipped.configure(limits=replace(shipped.state.fleet.limits, robots=1))
     publishing(shipped, "/r1/diagnostics_agg", "/r2/diagnostics_agg")
     assert unclaimed(shipped) == []
 

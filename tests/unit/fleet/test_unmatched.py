@@ -219,7 +219,7 @@ def of_two_entries(path: Path, *robots: str) -> StateDriver:
             array = Array(0.0, (MOTOR._replace(name="/Drives/Motor"), MOTOR))
             driver.state.receive(Topic(0, f"/{each}/diagnostics_agg"), array, driver.now)
         driver.state.find_unmatched(driver.now)
-        driver.at(driver.now.mono + 30)
+        driver.wait(30)
     return driver
 
 

@@ -126,11 +126,9 @@ def test_the_fault_of_an_uplink_names_the_robots_behind_it(driver):
 
 def test_the_fault_of_an_uplink_says_nothing_of_what_robots_can_do(driver):
     """It is no robot, but may have the profile of the others."""
-    found = driver.state.fleet
     expression = Expression(None, (ComponentsOf((Pattern("Motor"),)),))
     drives = Profile(capabilities={"driving": Capability("driving", expression)})
-    robots = tuple(replace(each, profile=drives) for each in found.robots)
-    driver.state.configure(replace(found, robots=robots), driver.now)
+    driver.follow_profile(drives)
     fail(driver, "ap")
     driver.pass_to(600)
 
@@ -245,7 +243,7 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
     driver = Driver()
     config = driver.state.fleet
     own = replace(config.robots[0], domain_id=7)
-    driver.state.configure(replace(config, robots=(own, *config.robots[1:])), driver.now)
+    driver.configure(robots=(own, *config.robots[1:]))
     driver.pass_to(30)
     driver.state.domain_failed(7, "no route", driver.now)
     assert driver.pass_to(300).began == []
@@ -259,7 +257,7 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
 def test_a_robot_that_is_added_behind_a_failing_uplink_is_suppressed(driver):
     fail(driver, "ap")
     config = driver.pass_to(300).state.fleet
-    driver.state.configure(replace(config, robots=(*config.robots, robot("new"))), driver.now)
+    driver.configure(robots=(*config.robots, robot("new")))
     assert driver.pass_to(1500).began == ["ap ping"]
     assert set(driver.suppressed("new").values()) == {"unreachable"}
 
@@ -290,7 +288,7 @@ def in_hall(driver: Driver) -> Driver:
     config = driver.state.fleet
     robots = (replace(each, labels={**each.labels, "site": "hall"}) for each in config.robots)
     site = replace(config.faults, site=CauseSettings(3, 0.5))
-    driver.state.configure(replace(config, robots=tuple(robots), faults=site), driver.now)
+    driver.configure(robots=tuple(robots), faults=site)
     return driver
 
 

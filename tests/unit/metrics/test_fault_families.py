@@ -117,10 +117,10 @@ def test_a_fault_keeps_the_robots_labels_of_when_it_began_and_its_identity():
     assert "check" not in dict(labels)
 
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"team": "red"})
-    driver.state.configure(Fleet("f", (robot,)), driver.now)
+    driver.configure(Fleet("f", (robot,)))
     assert driver.sample(START, team="blue") == WALL + 20
     driver.raw(MOTOR)
-    driver.raw_every(1, driver.now.mono + 12, HOT)
+    driver.stand(12, HOT)
     assert driver.sample(START, team="red") is not None
 
 

@@ -116,9 +116,9 @@ def test_while_it_is_not_known_no_fault_begins_and_none_ends_but_by_a_lower_leve
 def test_a_robot_that_is_back_ends_nothing_before_its_condition_is_known(driver_of):
     """Raw topics come one by one: the battery's first message comes before the charger's."""
     driver = driver_of(WHEN).stand(SETTLED, LOW, IDLE)
-    assert ("robot", "silent", "r") in driver.at(driver.now.mono + 60).fault_names()
+    assert ("robot", "silent", "r") in driver.wait(60).fault_names()
     driver.raw(LOW)
-    driver.at(driver.now.mono + 1)
+    driver.wait(1)
     driver.raw(IDLE)
     driver.stand(20, LOW, IDLE)
 
@@ -224,10 +224,10 @@ def test_conditions_of_values_of_any_component_hold_for_it(driver_of):
 def test_a_reload_applies_conditions_at_once(driver_of, tmp_path):
     driver = driver_of("stale_after: 10s")
     assert driver.stand(SETTLED, LOW, CHARGING).fault_names() == {CRITICAL}
-    driver.state.configure(fleet_of(tmp_path, UNLESS), driver.now)
+    driver.configure(fleet_of(tmp_path, UNLESS))
     assert driver.fault_names() == set()
     assert driver.sample("component_state", component="Battery") is None
-    driver.state.configure(fleet_of(tmp_path, "stale_after: 10s"), driver.now)
+    driver.configure(fleet_of(tmp_path, "stale_after: 10s"))
     assert driver.sample("component_state", component="Battery") == SEVERITIES["CRITICAL"]
     assert standings(driver) == ["CRITICAL Battery: not confirmed yet, 10 s left"]
     assert driver.stand(12, LOW, CHARGING).fault_names() == {CRITICAL}

@@ -30,7 +30,7 @@ def status(name: str, level: int = Level.OK, **values: str) -> Status:
 
 def faults_after(driver: StateDriver, seconds: float, *statuses: Status) -> set[tuple[str, str]]:
     """State and component of each fault after the robot published this for so long."""
-    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+    driver.stand(seconds, *statuses)
     return {(each.identity.state.value, each.identity.component) for each in driver.state.faults()}
 
 

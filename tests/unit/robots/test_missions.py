@@ -110,7 +110,7 @@ def test_an_action_whose_entry_is_removed_is_no_component_any_more(mission):
     assert mission.run(DOCK, ABORTED).stand(11).faults == {DOCK}
     robot = Robot("r", namespace="/r", profile=Profile()).reading(Source.RAW)
 
-    mission.driver.state.configure(Fleet("f", (robot,)), mission.driver.now)
+    mission.driver.configure(Fleet("f", (robot,)))
     mission.stand(1)
 
     assert mission.faults == set()

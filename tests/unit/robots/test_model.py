@@ -136,7 +136,7 @@ class Play:
     def wait(self, seconds: float) -> None:
         until = self.driver.now.mono + seconds
         while self.driver.now.mono < until:
-            self.driver.at(self.driver.now.mono + 0.25)
+            self.driver.wait(0.25)
             self.model.tick(self.driver.now.mono, self.driver.now.wall)
 
     def restart(self, _nothing: None) -> None:

@@ -6,7 +6,13 @@ from dataclasses import replace
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.config.fleet import ComponentRule, Source, Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Profile,
+    Source,
+    Threshold,
+    ValueRule,
+)
 from ros_diagnostics_exporter.config.topics import TopicEntry
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.model import Instant, Status
@@ -34,7 +40,7 @@ def once(*rules, status=SERIAL, source=Source.RAW):
 
 
 def stand(driver, seconds):
-    driver.raw_every(1, driver.now.mono + seconds, MOTOR)
+    driver.stand(seconds, MOTOR)
 
 
 def test_without_the_rule_it_becomes_stale_and_is_so_until_forgotten():
@@ -60,7 +66,7 @@ def test_the_evidence_says_that_it_was_reported_once_and_when():
     assert "reported once, at 2023-11-14 22:14:20 UTC" in fault.evidence
     assert fault.details["reported_once"] == pytest.approx(WALL + 60, abs=1)
     often = once(RULE, status=SERIAL._replace(level=OK))
-    often.raw_every(1, often.now.mono + 3, MOTOR, SERIAL)
+    often.stand(3, MOTOR, SERIAL)
     stand(often, 12)
     (fault,) = often.state.faults()
     assert "it reports only changes" in fault.evidence
@@ -98,7 +104,7 @@ def test_silence_of_its_robot_changes_nothing(reported):
     driver = once(RULE, status=SERIAL._replace(level=reported))
     stand(driver, 12)
     before, shown = driver.fault_names(), level(driver)
-    driver.at(driver.now.mono + 120)
+    driver.wait(120)
     assert level(driver)[0] == "STALE"
     stand(driver, 120)
     assert (driver.fault_names(), level(driver)) == (before, shown)
@@ -164,7 +170,7 @@ def test_silence_does_not_count_towards_its_end(gap):
     """What could not be published again has not ended."""
     driver = once(ENDS)
     stand(driver, 500)
-    driver.at(driver.now.mono + gap)
+    driver.wait(gap)
     stand(driver, 60 + START)
     assert (driver.fault_names(), level(driver)[0]) == (CRITICAL, "ERROR")
     stand(driver, 60)
@@ -175,7 +181,7 @@ def test_silence_does_not_count_towards_its_end(gap):
 def test_what_was_published_as_stale_does_not_end_in_silence():
     driver = once(ENDS, status=SERIAL._replace(level=STALE))
     stand(driver, 100)
-    driver.at(driver.now.mono + 3_600)
+    driver.wait(3_600)
     assert level(driver)[0] == "STALE"
     stand(driver, 100)
     assert level(driver)[0] == "STALE"
@@ -207,7 +213,7 @@ def test_the_levels_of_fleet_yml_apply_once_to_what_resumes(tmp_path, has_restar
     stand(driver, 12)
     before = driver.fault_names()
     assert before == {("component", "warning", "r", "rosserial")}
-    driver.at(driver.now.mono + 120)
+    driver.wait(120)
     if has_restart:
         driver = driver.again(tmp_path / "state")
     stand(driver, 60)
@@ -223,7 +229,7 @@ def test_what_else_keeps_its_robot_up_does_not_count_towards_its_end():
     fields = StateDriver(components=(ENDS,), topics=(entry,)).raw_every(1, 60, MOTOR)
     fields.raw(MOTOR, SERIAL)
     for _ in range(1_000):
-        fields.at(fields.now.mono + 1)
+        fields.wait(1)
         fields.robot.receive_fields((Status(OK, "E-stop"),), fields.now)
     assert fields.robot.up
     assert fields.fault_names() >= CRITICAL
@@ -237,7 +243,7 @@ def test_the_minute_after_a_return_does_not_count_towards_its_end():
     """Its driver may not have started yet."""
     driver = once(replace(ENDS, ends_after=30.0))
     stand(driver, 15)
-    driver.at(driver.now.mono + 60)
+    driver.wait(60)
     stand(driver, START + 10)
     assert driver.fault_names() == CRITICAL
     stand(driver, 10)
@@ -286,10 +292,7 @@ def test_what_was_late_until_fleet_yml_says_that_it_reports_changes_goes_on(sour
     go(60, MOTOR, status)
     go(60, MOTOR, status._replace(level=STALE))
     assert "stale" in {name[1] for name in driver.fault_names()}
-    (robot,) = driver.state.fleet.robots
-    profile = replace(robot.profile, components=(ENDS,))
-    changed = replace(driver.state.fleet, robots=(replace(robot, profile=profile),))
-    driver.state.configure(changed, driver.now)
+    driver.follow_profile(Profile(components=(ENDS,)))
     assert {name[1] for name in driver.fault_names()} == ({"critical", "stale"} if last else set())
     go(600, MOTOR, status._replace(level=STALE))
     assert driver.fault_names() == set()

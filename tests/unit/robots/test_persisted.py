@@ -46,10 +46,8 @@ def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path
 def test_a_reload_before_the_first_array_is_no_change(tmp_path: Path):
     driver = StateDriver()
     later = driver.raw(MOTOR, ARM).again(tmp_path / "state", after=600.0)
-    (robot,) = later.state.fleet.robots
-    fleet = replace(later.state.fleet, robots=(replace(robot, profile=Profile(forget_after=9e4)),))
     events = list(later.events)
-    later.state.configure(fleet, later.now)
+    later.follow_profile(Profile(forget_after=9e4))
     assert later.events == events
     later.raw(MOTOR, ARM)
     motor, arm = later.robot.persist(later.now).components
@@ -67,6 +65,6 @@ def test_whatever_is_written_of_a_robot_can_be_read(arrays: list[tuple[str, list
     driver = StateDriver(Source.BOTH)
     for topic, sent in arrays:
         getattr(driver, topic)(*sent)
-        driver.at(driver.now.mono + 6)
+        driver.wait(6)
     written = driver.robot.persist(driver.now)
     assert ROBOT.validate_json(written.as_json()) == written

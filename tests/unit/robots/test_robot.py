@@ -234,9 +234,7 @@ def test_fleet_yml_says_what_a_level_means_that_ros_does_not_know(tmp_path):
     (shown, _setup) = fleet_snapshot(driver.state, driver.now)["robots"][0]["components"]
     assert (shown["level"], shown["reported_level"]) == ("OK", "ERROR")
 
-    (robot,) = driver.state.fleet.robots
-    other = replace(driver.state.fleet, robots=(replace(robot, profile=Profile()),))
-    driver.state.configure(other, driver.now)
+    driver.follow_profile(Profile())
     assert driver.component("Stream").level == ERROR
 
 
@@ -283,10 +281,9 @@ def test_a_source_of_auto_takes_raw_while_no_aggregate_comes():
 
 def read_both(driver: StateDriver, seconds: int, raw, aggregated) -> None:
     """Receive both topics once a second."""
-    for _ in range(seconds):
+    for _ in driver.seconds(seconds):
         driver.raw(*raw)
         driver.agg(*tree(Motor=aggregated))
-        driver.at(driver.now.mono + 1)
 
 
 def test_a_robot_whose_aggregator_starts_late_is_read_from_that_and_keeps_its_faults():
@@ -304,9 +301,7 @@ def test_a_robot_whose_aggregator_starts_late_is_read_from_that_and_keeps_its_fa
     assert told == ["diagnostics are read from /r/diagnostics_agg in place of /r/diagnostics"]
     faults = [each for each in driver.events if each.kind == "fault_began"]
     assert [(each.group, each.since) for each in faults] == [("", WALL + 5)]
-    for _ in range(20):
-        driver.agg(*tree(Motor=[MOTOR]))
-        driver.at(driver.now.mono + 1)
+    driver.agg_every(1, driver.now.mono + 20, *tree(Motor=[MOTOR]))
     assert (driver.level("Motor 1"), driver.component("Motor 1").group) == (OK, "/Motor")
     assert driver.state.faults() == []
 
@@ -347,8 +342,7 @@ def test_checks_count_their_components_by_level():
 
 
 def bounded_story(**limits) -> StateDriver:
-    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
-    return StateDriver(fleet=Fleet("f", (robot,), limits=Limits(**limits)))
+    return StateDriver().configure(limits=Limits(**limits))
 
 
 def test_too_many_components_lose_only_the_surplus_and_never_the_known(caplog):

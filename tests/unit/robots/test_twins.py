@@ -144,7 +144,7 @@ def test_an_aggregator_beside_them_makes_no_third_component():
     for _ in range(20):
         for side in (LEFT, RIGHT):
             driver.raw(side)
-            driver.at(driver.now.mono + 0.5)
+            driver.wait(0.5)
             driver.agg(*tree(Lidars=[side]))
     assert {each.label for each in driver.robot.components} == {
         "lidar: Status [left]",
@@ -184,10 +184,8 @@ def twins(rule: ComponentRule = ONCE) -> StateDriver:
 
 def on(driver: StateDriver, seconds: float) -> None:
     """Let the robot be received for some seconds."""
-    until = driver.now.mono + seconds
-    while driver.now.mono < until:
+    for _ in driver.seconds(seconds):
         driver.raw(Status(OK, "Motor"), publisher="motor")
-        driver.at(min(until, driver.now.mono + 1))
 
 
 def recovered(driver: StateDriver) -> list[str]:
@@ -215,7 +213,7 @@ def test_nor_is_it_after_a_restart_or_a_silence(tmp_path):
     on(driver, 5)
     driver.raw(SERIAL, publisher="b")
     on(driver, 60)
-    driver.at(driver.now.mono + 120)
+    driver.wait(120)
     on(driver, 5)
     driver.raw(SERIAL, publisher="b")
     driver = driver.again(tmp_path / "state")
@@ -255,7 +253,7 @@ def test_twins_that_repeat_it_are_the_same_after_a_restart_and_a_silence(tmp_pat
     nodes.driver = nodes.driver.again(tmp_path / "state")
     nodes.publishers = ("b", "a")
     nodes.stand(60, well, hot)
-    nodes.driver.at(nodes.driver.now.mono + 120)
+    nodes.driver.wait(120)
     nodes.stand(60, well, hot)
     assert nodes.faults == {("component", "critical", "r", "lidar", "lidar: Status")}
     assert recovered(nodes.driver) == []
@@ -296,9 +294,9 @@ def test_what_each_said_counts_once_they_are_told_apart(tmp_path, restart):
         driver = driver.again(tmp_path / "state")
     for status, publisher in ((right, "c"), (left, "a"), (right, "c")):
         level = WARN if publisher == "c" else ERROR  # b does not take back what it said
-        driver.raw(status._replace(level=level), publisher=publisher).at(driver.now.mono + 1)
+        driver.raw(status._replace(level=level), publisher=publisher).wait(1)
     for _ in range(60):
-        driver.raw(Status(OK, "Motor")).at(driver.now.mono + 1)
+        driver.raw(Status(OK, "Motor")).wait(1)
     assert driver.fault_names() == {
         ("component", "critical", "r", "lidar", "lidar: Status [left]"),
         ("component", "critical", "r", "lidar", "lidar: Status [right]"),

@@ -68,7 +68,7 @@ class Playing:
             for each in received:
                 topic = Topic(7, f"/{each}/diagnostics")
                 self.driver.state.receive(topic, Array(0.0, (OK,), 100), self.driver.now)
-            self.driver.at(self.driver.now.mono + 1)
+            self.driver.wait(1)
             self.joining.turn()
         return self
 

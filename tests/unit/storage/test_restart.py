@@ -191,7 +191,7 @@ def test_a_robot_that_is_forgotten_goes(path, content, restarted):
     driver.keep(path)
     if restarted:
         driver = driver.restart(path, fleet=raw_fleet("r"))
-    driver.state.configure(raw_fleet("r"), driver.now)
+    driver.configure(raw_fleet("r"))
     driver.at(2)
     driver.save()
     assert [name for name, _text in content()["robots"]] == ["r"]

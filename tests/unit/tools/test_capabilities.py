@@ -42,7 +42,7 @@ def ask(tmp_path, serve, run):
     def ask(*broken: str, output: str = "table", robot: str = "r") -> str:
         statuses = [Status(ERROR if name in broken else OK, name) for name in NAMES]
         statuses.append(Status(OK, "Mode", "", "", (("mode", "drive"),)))
-        driver.raw_every(1, driver.now.mono + 40, *statuses)
+        driver.stand(40, *statuses)
         return run("capabilities", robot, "--output", output, at=server).out
 
     return ask

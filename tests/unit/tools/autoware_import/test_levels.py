@@ -134,7 +134,7 @@ def imported(folder: Path, units: list[Data], removed: set[str] = frozenset()) -
 
 def judged(driver: StateDriver, levels: dict[str, int]) -> dict[str, str]:
     """The state of each capability, by its name."""
-    driver.raw_every(1, driver.now.mono + 3, *(Status(each, name) for name, each in levels.items()))
+    driver.stand(3, *(Status(each, name) for name, each in levels.items()))
     (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
     return {each["capability"]: each["state"] for each in robot["capabilities"]}
 
