@@ -13,6 +13,7 @@ import yaml
 from ros_diagnostics_tools.main import main
 from support import host_checks
 from support.loopback import replying
+from support.replaced import replace_text
 from testbed.configuration import CHECKOUT
 from testbed.http import get, get_json
 from testbed.polling import until
@@ -97,9 +98,7 @@ class Host:
         """Set the load average."""
         proc = self.folder / "proc"
         proc.mkdir(exist_ok=True)
-        new = proc / "new"
-        new.write_text(f"{one:.2f} 0.10 0.10 1/100 200\n")
-        new.rename(proc / "loadavg")  # never half a file
+        replace_text(proc / "loadavg", f"{one:.2f} 0.10 0.10 1/100 200\n")
 
     def robot(self, name: str = "robot_1") -> dict[str, Any]:
         """A robot as the API has it."""

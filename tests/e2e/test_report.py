@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.api.occurrences import occurrences
 from ros_diagnostics_exporter.api.week import known, week
 from ros_diagnostics_exporter.metrics.families import EXPORTER
 from ros_diagnostics_exporter.metrics.week import ROWS
+from ros_diagnostics_exporter.web.server import Server
 from ros_diagnostics_tools.main import main
 from support.committed_dashboards import filled, queries
 from support.past import start_with
@@ -19,6 +20,7 @@ from testbed.engine import Engine
 from testbed.site import Site
 
 __all__ = ["serve"]  # a fixture
+Report = Callable[..., Any]
 SLOT = 300
 DAY = 86_400
 END = int(time.time()) // SLOT * SLOT
@@ -139,19 +141,28 @@ def exporter(serve):
     )
 
 
+@pytest.fixture
+def report(prometheus: Engine, exporter: Server, capsys: pytest.CaptureFixture[str]) -> Report:
+    """A function that has the command write the report of that week; its JSON, if it is that."""
+    asked = ["--url", f"http://{exporter.addresses[0]}", "--until", _iso(END)]
+    asked += ["--prometheus", f"http://{prometheus.address}", "--target", "95"]
+
+    def report(*words: str) -> Any:
+        assert main(["report", "--week", *asked, *words]) == 0
+        said = capsys.readouterr().out
+        return json.loads(said) if "json" in words else said
+
+    return report
+
+
 def panel(title: str) -> str:
     """The query of a panel of the shipped dashboard, over seven days."""
     exprs = (each.expr for each in queries() if each.place == title and each.ref == "A")
     return filled(next(exprs), {"fleet": "hall", "__range": "7d"})
 
 
-def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
-    site, prometheus, exporter, capsys
-):
-    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
-    flags += ["--prometheus", f"http://{prometheus.address}", "--target", "95"]
-    assert main(["report", "--week", "--output", "json", *flags]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(site, prometheus, report):
+    found = report("--output", "json")
 
     for title, names in (
         ("Availability of the robots", "robot"),
@@ -196,8 +207,8 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     assert (part["robot"], part["times"], part["seconds"]) == ("a", 2, 1_320.0)
 
     site.start_mail_server()
-    to = ["--mail-to", "shift@example.org", "--mail-from", "portal@example.org"]
-    assert main(["report", "--week", *flags, *to, "--smtp", site.addresses.smtp]) == 0
+    to = ("--mail-to", "shift@example.org", "--mail-from", "portal@example.org")
+    report(*to, "--smtp", site.addresses.smtp)
     [sent] = site.inbox.mails()
     assert sent.recipients == ("shift@example.org",)
     assert sent.subject.startswith("hall: robots, week until ")
@@ -209,15 +220,12 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     for shown_in in (sent.text, sent.html):
         assert because in shown_in
     file = site.folder / "report.html"
-    assert main(["report", "--week", *flags, "--file", str(file)]) == 0
+    report("--file", str(file))
     assert file.read_text().split() == sent.html.split()
 
 
-def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exporter, capsys):
-    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
-    flags += ["--prometheus", f"http://{prometheus.address}", "--target", "95"]
-    assert main(["report", "--week", "--output", "json", *flags]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, report):
+    found = report("--output", "json")
     chosen = {"fleet": "hall", "target": "95", "__range": "7d"}
     shown = {
         (each.place, each.ref): prometheus.query(filled(each.expr, chosen), END)
@@ -269,11 +277,8 @@ def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exp
     assert len(titles) == 12  # with the banner's two: none is left out above
 
 
-def test_the_numbers_of_missions_are_those_of_the_dashboard(prometheus, exporter, capsys):
-    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
-    flags += ["--prometheus", f"http://{prometheus.address}"]
-    assert main(["report", "--week", "--output", "json", *flags]) == 0
-    found = json.loads(capsys.readouterr().out)["week"]["missions"]
+def test_the_numbers_of_missions_are_those_of_the_dashboard(prometheus, report):
+    found = report("--output", "json")["week"]["missions"]
     chosen = {"fleet": "hall", "__range": "7d"}
 
     for title, name in (

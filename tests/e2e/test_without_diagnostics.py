@@ -1,11 +1,11 @@
 """A robot without diagnostics, from its topics to the mails: its battery, its log, its end."""
 
 import sys
-from pathlib import Path
 
 import pytest
 
-from testbed.polling import until
+from support.mailbox import wait_for_mail
+from support.replaced import replace_text
 from testbed.site import Site
 
 FLEET = """
@@ -58,26 +58,11 @@ def test_its_battery_and_its_log_are_mails_and_recoveries_and_so_is_its_silence(
     robot = site.start_program("robot", argv, domain_id=site.domain_id)
     site.wait_until_ready()
 
-    def wait_for(*words: str) -> None:
-        subjects = site.inbox.subjects
-        until(
-            lambda: any(all(word in each for word in words) for each in subjects()),
-            lambda: f"a mail with {words}: {subjects()}",
-            90,
-        )
-
-    wait_for("PROBLEM", "amr_1", "Battery")
-    wait_for("PROBLEM", "amr_1", "log driver")
+    wait_for_mail(site.inbox, "PROBLEM", "amr_1", "Battery")
+    wait_for_mail(site.inbox, "PROBLEM", "amr_1", "log driver")
     assert not any("nothing was ever received" in f"{each}" for each in site.inbox.mails())
-    replace(charge, "0.8")
-    wait_for("RECOVERY", "amr_1", "Battery")
-    wait_for("RECOVERY", "amr_1", "log driver")
+    replace_text(charge, "0.8")
+    wait_for_mail(site.inbox, "RECOVERY", "amr_1", "Battery")
+    wait_for_mail(site.inbox, "RECOVERY", "amr_1", "log driver")
     robot.process.stop()
-    wait_for("PROBLEM", "amr_1", "SILENT")
-
-
-def replace(path: Path, text: str) -> None:
-    """Write a file that others read, at once."""
-    new = path.with_suffix(".new")
-    new.write_text(text)
-    new.replace(path)
+    wait_for_mail(site.inbox, "PROBLEM", "amr_1", "SILENT")

@@ -3,7 +3,18 @@
 import time
 from collections.abc import Callable
 
+from testbed.mail import Inbox, Mail
 from testbed.polling import until
+
+
+def wait_for_mail(inbox: Inbox, *words: str) -> Mail:
+    """The first mail whose subject has all these words, once it has come."""
+
+    def found() -> list[Mail]:
+        return [each for each in inbox.mails() if all(word in each.subject for word in words)]
+
+    until(found, lambda: f"a mail with {words}: {inbox.subjects()}", 90)
+    return found()[0]
 
 
 def settled(

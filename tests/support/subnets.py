@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from support.called import called
+from support.replaced import replace_text
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -113,9 +114,7 @@ class Subnets:
 
         ``delay`` is in seconds.
         """
-        new = self._control.with_suffix(".new")
-        new.write_text(f"{loss} {delay}")
-        new.replace(self._control)
+        replace_text(self._control, f"{loss} {delay}")
 
     def start(self, host: str, argv: Sequence[str | Path], env: Mapping[str, str]) -> Process:
         """Start a program on a host ("": the router); it ends with the stack."""

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.files import MAX_UNSTABLE, FileWatcher
 from ros_diagnostics_exporter.model import Instant
+from support.replaced import replace_text
 from testbed.polling import until
 
 CONFIG = "fleet: f\nrobots:\n  - {{name: {}, domain_id: 1}}\n"
@@ -197,10 +198,8 @@ def test_a_file_that_never_stops_changing_does_not_hide_other_changes(tmp_path):
 def test_a_reload_without_a_change_is_no_event(site):
     mean_same = CONFIG.format("r1")
     for turn in range(5):
-        whole = site.path.with_suffix(".new")  # or it could be read before it is written
-        whole.write_text(mean_same + "#" * turn)
         before = site.reloader.time
-        whole.replace(site.path)
+        replace_text(site.path, mean_same + "#" * turn)
         until(lambda before=before: site.reloader.time > before, "it is read again")
     assert not site.events
     assert not site.fleets

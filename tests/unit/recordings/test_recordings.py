@@ -69,11 +69,17 @@ def receive(rings, topic, seconds, size=200):
     return sent
 
 
-def recording(recordings, second=110):
+def recording(recordings, event=BEGAN, second=110):
     """The recording of a fault that began at 100, written when all of it was received."""
-    recordings.note(FAULT, BEGAN, at(100))
+    recordings.note(FAULT, event, at(100))
     recordings.turn(at(second))
     return recordings.read(FAULT, at(second))
+
+
+def whole(recordings, event=BEGAN):
+    """As `recording`, of a topic that is received once a second."""
+    receive(recordings.rings, TOPICS[0], range(111))
+    return recording(recordings, event)
 
 
 def opened(content):
@@ -105,8 +111,7 @@ def test_its_messages_are_those_received_byte_for_byte(tmp_path, recordings, siz
 
 
 def test_it_is_what_foxglove_asks_for_and_names_its_robot_the_fault_and_what_judged_it(recordings):
-    receive(recordings.rings, TOPICS[0], range(111))
-    reader = opened(recording(recordings))
+    reader = opened(whole(recordings))
     assert reader.get_header().profile == "ros2"
     summary = reader.get_summary()
     (schema,) = summary.schemas.values()
@@ -179,8 +184,7 @@ def test_what_was_received_up_to_the_begin_is_there_at_once(recordings):
 
 
 def test_the_recording_of_an_earlier_begin_is_not_that_of_the_fault_that_lasts(recordings):
-    receive(recordings.rings, TOPICS[0], range(111))
-    recording(recordings)
+    whole(recordings)
     for since in (BEGAN.since + 1_000, None):
         with pytest.raises(LookupError, match="as it lasts now"):
             recordings.read_so_far(FAULT, since, at(1_200))
@@ -223,8 +227,7 @@ def test_a_fault_has_the_recording_of_its_own_begin_also_after_a_restart(
 
 
 def test_of_a_fault_that_began_again_the_recording_of_its_last_begin_is_served(recordings):
-    receive(recordings.rings, TOPICS[0], range(111))
-    recording(recordings)
+    whole(recordings)
     receive(recordings.rings, TOPICS[0], range(111, 311))
     recordings.note(FAULT, replace(BEGAN, time=WALL + 300, since=WALL + 290), at(300))
     recordings.turn(at(310))
@@ -277,24 +280,19 @@ def test_what_a_killed_exporter_left_unfinished_is_removed(recordings, tmp_path)
 
 
 def test_only_the_exporters_user_may_read_them(recordings, tmp_path):
-    receive(recordings.rings, TOPICS[0], range(111))
-    recording(recordings)
+    whole(recordings)
     assert (tmp_path / "kept").stat().st_mode & 0o777 == 0o700
 
 
 def test_the_robots_name_has_only_what_foxglove_takes(recordings):
-    receive(recordings.rings, TOPICS[0], range(111))
-    recordings.note(FAULT, replace(BEGAN, robot="hall/ärm 1"), at(100))
-    recordings.turn(at(110))
-    (found,) = opened(recordings.read(FAULT, at(110))).iter_metadata()
+    content = whole(recordings, replace(BEGAN, robot="hall/ärm 1"))
+    (found,) = opened(content).iter_metadata()
     assert found.metadata == {"deviceName": "hall__rm_1"}
 
 
 def test_a_text_that_is_no_unicode_does_not_lose_it(recordings):
-    receive(recordings.rings, TOPICS[0], range(111))
-    recordings.note(FAULT, replace(BEGAN, message="motor: \udcff"), at(100))
-    recordings.turn(at(110))
-    fault, _fleet = opened(recordings.read(FAULT, at(110))).iter_attachments()
+    content = whole(recordings, replace(BEGAN, message="motor: \udcff"))
+    fault, _fleet = opened(content).iter_attachments()
     assert json.loads(fault.data)["evidence"] == ["motor: ?"]
 
 
@@ -335,8 +333,7 @@ def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
 def test_the_oldest_file_is_removed_first(tmp_path, config):
     kept = tmp_path / "kept"
     recordings = FaultRecordings(kept, config, lambda _robot: TOPICS, Kept(number=1))
-    receive(recordings.rings, TOPICS[0], range(111))
-    recording(recordings)
+    whole(recordings)
     (first,) = kept.iterdir()
     os.utime(first, (WALL, WALL))
     recordings.note("ba9876543210", BEGAN, at(110))
@@ -439,8 +436,7 @@ def test_a_planted_link_is_not_written_through(tmp_path, recordings):
     folder = tmp_path / "kept"
     folder.mkdir()
     (folder / f"{FAULT}-{BEGAN.time:.0f}.part").symlink_to(other)
-    receive(recordings.rings, TOPICS[0], range(111))
-    recording(recordings)
+    whole(recordings)
 
     assert other.read_text() == "precious"
     [written] = folder.glob("*.mcap")

@@ -11,8 +11,7 @@ import yaml
 
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
-from ros_diagnostics_tools.backtest.replay import Replay, play
-from ros_diagnostics_tools.main import main
+from support import bags
 from support.bags import BEGIN
 from support.configs import load_text
 
@@ -34,31 +33,28 @@ def opened(path):
     return closing(Recordings([RecordingSource(path, namespace="/r1")]))
 
 
-def levels(path):
-    """Topic and level of each message that can be decoded, and the reasons of the others."""
+def levels(path, text):
+    """Of such a recording the levels that can be decoded, why others cannot, and the warnings."""
+    path.write_text(text)
     good, bad = [], []
     with opened(path) as recordings:
         for each in recordings.messages():
             try:
-                good.append((each.topic.name, each.decode().statuses[0].level))
+                good.append(each.decode().statuses[0].level)
             except ValueError as error:  # noqa: PERF203
                 bad.append(str(error))
         return good, bad, recordings.warnings
 
 
-def judged(tmp_path, path):
+def judged(path, text):
     """When faults were notified and ended, how many messages could not be decoded, and why."""
-    with opened(path) as recordings:
-        replay = Replay(load_text(tmp_path, FLEET), recordings)
-        for _message in play(recordings, [replay]):
-            pass
-        result = replay.result()
+    path.write_text(text)
+    result = bags.judged(load_text(path.parent, FLEET), path, namespace="/r1")
     faults = [(each.since - BEGIN, each.ended - BEGIN) for each in result.notifications]
     return faults, result.undecodable, result.reason
 
 
 def test_what_a_rosbridge_client_stores_is_judged(tmp_path):
-    path = tmp_path / "diagnostics.jsonl"
     lines = [
         {"op": "publish", "topic": "/diagnostics", "msg": message(at, level, ros1=True)}
         for at in range(120)
@@ -68,31 +64,28 @@ def test_what_a_rosbridge_client_stores_is_judged(tmp_path):
         {"op": "status", "level": "info", "msg": "connected"},
         {"op": "publish", "topic": "/fix", "msg": {"header": {}, "status": {"status": 0}, "x": 1}},
     ]
-    path.write_text("".join(f"{json.dumps(each)}\n" for each in (*others, *lines)))
+    text = "".join(f"{json.dumps(each)}\n" for each in (*others, *lines))
 
-    assert judged(tmp_path, path) == ([(30, 80)], 0, "")
+    assert judged(tmp_path / "diagnostics.jsonl", text) == ([(30, 80)], 0, "")
 
 
 def test_a_level_that_ros_does_not_know_is_an_error_as_it_is_when_it_is_received(tmp_path):
     """An aggregator of a maker: what was not started yet has level 255."""
-    path = tmp_path / "diagnostics.jsonl"
     levels_at = [255 if 30 <= at < 80 else 0 for at in range(120)]
-    lines = [json.dumps(message(at, level)) for at, level in enumerate(levels_at)]
-    path.write_text("\n".join(lines))
-    assert judged(tmp_path, path) == ([(30, 80)], 0, "")
+    text = "\n".join(json.dumps(message(at, level)) for at, level in enumerate(levels_at))
+    assert judged(tmp_path / "diagnostics.jsonl", text) == ([(30, 80)], 0, "")
 
 
 @pytest.mark.timeout(60)
-def test_a_clock_that_was_set_while_it_was_recorded_is_named_and_not_waited_for(tmp_path, capsys):
+def test_a_clock_that_was_set_while_it_was_recorded_is_named_and_not_waited_for(tmp_path, run):
     path, config = tmp_path / "diagnostics.json", tmp_path / "fleet.yml"
     config.write_text(FLEET)
     of_1970 = [message(at - int(BEGIN), 0) for at in range(20)]
     path.write_text(json.dumps([*of_1970, *(message(at, 2) for at in range(20))]))
 
-    command = ["backtest", "--config", str(config), "--namespace", "r1", "--output", "json"]
-    assert main([*command, str(path)]) == 0
+    command = ("backtest", "--config", str(config), "--namespace", "r1", "--output", "json")
+    output = run(*command, str(path))
 
-    output = capsys.readouterr()
     assert "nothing was recorded for 2" in output.err
     found = json.loads(output.out)
     assert found["warnings"] == [output.err.strip().removeprefix("ros-diagnostics: ")]
@@ -113,12 +106,15 @@ def test_a_clock_that_was_set_while_it_was_recorded_is_named_and_not_waited_for(
     ids=["number", "digit", "word", "character", "base64"],
 )
 def test_a_level_is_read_however_a_byte_is_written(tmp_path, written):
-    path = tmp_path / "diagnostics.json"
-    path.write_text(json.dumps([message(each, written(each)) for each in range(4)]))
+    text = json.dumps([message(each, written(each)) for each in range(4)])
+    good, bad, _warnings = levels(tmp_path / "diagnostics.json", text)
 
-    good, bad, _warnings = levels(path)
+    assert (good, bad) == ([0, 1, 2, 3], [])
 
-    assert (good, bad) == ([("/r1/diagnostics", each) for each in range(4)], [])
+
+def timed(text):
+    """A message with this in place of its seconds."""
+    return json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), text)
 
 
 DAMAGED = {
@@ -127,18 +123,9 @@ DAMAGED = {
         {"header": {"stamp": {"sec": 1}}, "status": []},
         "header.stamp.nanosec: Field required",
     ),
-    "no time": (
-        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "1e400"),
-        "inf is no time in Unix seconds",
-    ),
-    "not a number": (
-        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "NaN"),
-        "nan is no time in Unix seconds",
-    ),
-    "long ago": (
-        json.dumps(message(12, 0)).replace(str(int(BEGIN) + 12), "-5"),
-        "-5 is no time in Unix seconds",
-    ),
+    "no time": (timed("1e400"), "inf is no time in Unix seconds"),
+    "not a number": (timed("NaN"), "nan is no time in Unix seconds"),
+    "long ago": (timed("-5"), "-5 is no time in Unix seconds"),
     "no level": (message(12, "broken"), "status.0.level: "),
     "no status": ({**message(12, 0), "status": [7]}, "status.0: Input should be"),
     "a number": ({**message(12, 0), "status": 7}, "status: Input should be a valid list"),
@@ -160,10 +147,8 @@ def test_one_damaged_message_is_counted_with_its_line_and_the_others_are_judged(
     damaged, reason = DAMAGED[kind]
     lines = [line(message(each, 2 if 20 <= each < 50 else 0)) for each in range(60)]
     lines.insert(12, line(damaged))
-    path = tmp_path / "diagnostics.jsonl"
-    path.write_text("\n".join(lines))
 
-    faults, undecodable, why = judged(tmp_path, path)
+    faults, undecodable, why = judged(tmp_path / "diagnostics.jsonl", "\n".join(lines))
 
     assert (faults, undecodable) == ([(20, 50)], 1)
     assert why.startswith("/r1/diagnostics: line 13")
@@ -182,17 +167,15 @@ def echo(levels_, cut_off=False):
 
 @pytest.mark.parametrize("name", ["echo.yaml", "echo.yml", "report.txt", "echo"])
 def test_the_output_of_ros2_topic_echo_is_judged(tmp_path, name):
-    path = tmp_path / name
-    path.write_text(echo([2 if 20 <= at < 50 else 0 for at in range(60)]))
+    text = echo([2 if 20 <= at < 50 else 0 for at in range(60)])
 
-    assert judged(tmp_path, path) == ([(20, 50)], 0, "")
+    assert judged(tmp_path / name, text) == ([(20, 50)], 0, "")
 
 
 def test_it_is_judged_as_a_block_of_code_too(tmp_path):
-    path = tmp_path / "issue.md"
-    path.write_text(indent(echo([2 if 20 <= at < 50 else 0 for at in range(60)]), "    "))
+    text = indent(echo([2 if 20 <= at < 50 else 0 for at in range(60)]), "    ")
 
-    assert judged(tmp_path, path) == ([(20, 50)], 0, "")
+    assert judged(tmp_path / "issue.md", text) == ([(20, 50)], 0, "")
 
 
 def test_what_rostopic_echo_of_ros_1_prints_is_read(tmp_path):
@@ -212,35 +195,32 @@ def test_what_rostopic_echo_of_ros_1_prints_is_read(tmp_path):
 
 
 def test_a_damaged_document_of_yaml_is_counted_with_its_line(tmp_path):
-    path = tmp_path / "echo.yaml"
     text = "$ ros2 topic echo /diagnostics\n" + echo([0, 2, 2])
     damaged = text.replace("name: 'drive: Left'", "name: drive: Left", 1)
     lost = "A message was lost!!!\n\ttotal count change:1\n\ttotal count: 1---\n"
-    path.write_text(damaged + lost + echo([1]) + "header: [\n---\n" + echo([3]))
+    text = damaged + lost + echo([1]) + "header: [\n---\n" + echo([3])
 
-    good, bad, _warnings = levels(path)
+    good, bad, _warnings = levels(tmp_path / "echo.yaml", text)
     first, second = sorted(bad)
 
-    assert sorted(level for _topic, level in good) == [1, 2, 2, 3]
+    assert sorted(good) == [1, 2, 2, 3]
     assert first.startswith("line 2 is not YAML: ")
     assert second.startswith("line 54 is not YAML")
 
 
 def test_lists_that_were_cut_off_are_a_warning(tmp_path):
     path = tmp_path / "echo.yaml"
-    path.write_text(echo([1, 2], cut_off=True))
+    good, bad, (warning,) = levels(path, echo([1, 2], cut_off=True))
 
-    good, bad, (warning,) = levels(path)
-
-    assert ([level for _topic, level in good], bad) == ([1, 2], [])
+    assert (good, bad) == ([1, 2], [])
     assert warning == f"{path}: long lists are cut off: record with --full-length"
 
 
 def test_an_alias_of_yaml_is_no_message(tmp_path):
-    path = tmp_path / "echo.yaml"
-    path.write_text(echo([1]) + "header: &a {b: c}\nstatus: [*a, *a]\n---\n" + echo([2]))
+    text = echo([1]) + "header: &a {b: c}\nstatus: [*a, *a]\n---\n" + echo([2])
 
-    assert levels(path)[1] == ["line 13 has an alias of YAML, which no message has"]
+    _good, bad, _warnings = levels(tmp_path / "echo.yaml", text)
+    assert bad == ["line 13 has an alias of YAML, which no message has"]
 
 
 def test_a_text_in_which_nothing_can_be_decoded_says_why(tmp_path):
