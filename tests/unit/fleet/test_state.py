@@ -275,9 +275,13 @@ def test_long_texts_are_cut_and_counted_and_others_are_not():
 
 def test_messages_that_are_dropped_count_for_the_robot_of_the_topic_or_for_nobody():
     robot = Robot("r", topic_raw=RAW, source=Source.RAW)
-    driver = StateDriver(fleet=Fleet("f", (robot,), shared=(Shared("/diagnostics", raw=True),)))
+    shared = Shared("/diagnostics", raw=True)
+    driver = StateDriver(fleet=Fleet("f", (robot, Robot("s")), shared=(shared,)))
+    driver.receive(shared.topic, HOT._replace(hardware_id="of_the_shared_one"))
     driver.state.reject_dropped(Topic(0, RAW), 3)
-    driver.state.reject_dropped(Topic(0, "/diagnostics"), 5)
+    driver.state.reject_dropped(Topic(1, RAW), 4)  # another domain
+    driver.state.reject_dropped(Topic(0, shared.topic), 5)
 
     assert driver.sample("robot_rejected_total", robot="r", reason="rate") == 3
+    assert [each.rejected["rate"] for each in driver.state.robots.values()] == [3, 0, 0]
     assert driver.state.rejected["rate"] == 5

@@ -190,23 +190,6 @@ def test_a_long_text_on_a_shared_topic_is_nobodys(caplog):
     assert caplog.text.count("a text on the shared topic /diagnostics in domain 0 is too long") == 1
 
 
-def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nobody():
-    shared, own = Shared("/diagnostics", raw=True), Topic(0, "/r1/diagnostics")
-    robots = (Robot("r1", topic_raw=own.name, source=Source.RAW), Robot("r2"))
-    driver = StateDriver(fleet=Fleet("f", robots, shared=(shared,)))
-    send(driver, Topic(0, shared.topic), Status(OK, "Arm", "", "r3"))
-    for topic in (own, Topic(0, shared.topic), Topic(1, own.name)):
-        driver.state.reject_dropped(topic, 7)
-
-    assert {name: robot.rejected["rate"] for name, robot in driver.state.robots.items()} == {
-        "r1": 7,
-        "r2": 0,
-        "r3": 0,
-    }
-    assert driver.state.rejected["rate"] == 7
-    assert driver.samples()["robot_rejected_total"]
-
-
 def test_the_runbook_finds_in_the_log_what_is_said_there():
     runbook = RUNBOOK.read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)

@@ -331,10 +331,11 @@ def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
 
 def test_checks_count_their_components_by_level():
     checks = (Check("all"), Check("motors", (re.compile("motor", re.IGNORECASE),), expect=2))
-    driver = StateDriver(checks=checks).raw(HOT, LASER, Status(WARN, "Motor 2"))
+    fine = [Status(OK, f"Motor {number}") for number in (3, 4)]
+    driver = StateDriver(checks=checks).raw(HOT, LASER, Status(WARN, "Motor 2"), *fine)
 
-    assert driver.sample("check_components", check="all", level="ok") == 1
-    assert driver.sample("check_components", check="motors", level="ok") == 0
+    assert driver.sample("check_components", check="all", level="ok") == 3
+    assert driver.sample("check_components", check="motors", level="ok") == 2
     assert driver.sample("check_components", check="motors", level="warn") == 1
     assert driver.sample("check_components", check="motors", level="error") == 1
     assert driver.sample("check_expected_components", check="motors") == 2
@@ -440,12 +441,6 @@ def test_a_component_that_reports_no_more_is_shown_with_what_it_reported_last():
     driver.at(10)
     accounts = [driver.component(name).trouble_text for name in ("Motor 1", "Arm")]
     assert accounts == ["no longer reports; its last message: Hot", "no longer reports"]
-
-
-def test_a_check_counts_its_components_by_level():
-    driver = StateDriver(checks=(Check("motors", (re.compile("Motor"),)),))
-    driver.raw(HOT, LASER, *(MOTOR._replace(name=f"Motor {number}") for number in (2, 3)))
-    assert list(driver.robot.components.count_checks()) == [("motors", [2, 0, 1, 0])]
 
 
 def test_that_a_domain_cannot_be_joined_holds_for_another_topic_of_it_and_not_for_another_domain():
