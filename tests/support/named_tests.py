@@ -38,4 +38,4 @@ def find_missing(named: Iterable[str], session: pytest.Session) -> set[str]:
 def _collected(*files: str) -> set[str]:
     """The tests in these files, with the names of their cases."""
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:xdist", *files]
-    return set(called(command, cwd=CHECKOUT, timeout=300).stdout.splitlines())
+    return set(called(command, code=None, cwd=CHECKOUT, timeout=300).stdout.splitlines())

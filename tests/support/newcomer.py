@@ -163,7 +163,8 @@ class Newcomer:
 
         def found() -> bool:
             nonlocal output
-            done = called(self._argv(script, online=False), env=self._environment(), timeout=60)
+            argv = self._argv(script, online=False)
+            done = called(argv, code=None, env=self._environment(), timeout=60)
             output = done.stdout + done.stderr
             return re.search(pattern, output) is not None
 

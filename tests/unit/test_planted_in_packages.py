@@ -34,9 +34,9 @@ def test_a_planted_mistake_is_found(mistake, tmp_path):
     environment = planted_checkout(copy, mistake["file"], mistake["right"], mistake["wrong"])
     argv = [sys.executable, "-m", "pytest", "--quiet", "-p", "no:cacheprovider"]
 
-    done = called([*argv, mistake["found_by"]], cwd=copy, env=environment)
+    failed = pytest.ExitCode.TESTS_FAILED
+    done = called([*argv, mistake["found_by"]], code=failed, cwd=copy, env=environment)
 
-    assert done.returncode == pytest.ExitCode.TESTS_FAILED, done.stdout + done.stderr
     assert f"FAILED {mistake['found_by']}" in done.stdout
 
 

@@ -23,9 +23,8 @@ def test_a_skip_fails_the_run_that_allows_none_but_for_what_is_listed(tmp_path):
     argv += ["--confcutdir", "tests", "-p", "conftest", "--no-skips", "-n", "1", str(test)]
     environment = {"PYTHONPATH": "tests:tools:lab", "PATH": str(Path(sys.executable).parent)}
 
-    done = called(argv, cwd=CHECKOUT, env=environment)
+    done = called(argv, code=1, cwd=CHECKOUT, env=environment)
 
-    assert done.returncode == 1, done.stdout + done.stderr
     refused = [line for line in done.stdout.splitlines() if "which is a failure here: " in line]
     assert [line.rpartition(": ")[2] for line in refused] == ["no browser here"]
     number = 1 + len(skips.allowed())

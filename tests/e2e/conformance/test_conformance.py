@@ -81,8 +81,7 @@ def test_other_histories_that_are_drawn_are_notified_the_same(tmp_path, seed):
 
 def with_mistake(written: Sequence[Outcome], environment: dict[str, str]) -> list[Outcome]:
     """The outcomes of the written histories as they are with an exporter that has a mistake."""
-    argv = [sys.executable, "-c", PLAY]
-    done = called(argv, env=environment, check=True)
+    done = called([sys.executable, "-c", PLAY], env=environment)
     played = [[Notification(*each) for each in found] for found in json.loads(done.stdout)]
     return [
         replace(outcome, ours=ours)

@@ -88,7 +88,6 @@ def test_what_is_pinned_has_wheels(tmp_path: Path, python: str, architecture: st
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
     command += ["--only-binary=:all:", f"--python-version={python}", *platforms, *abis]
 
-    done = called([*command, "--dest", tmp_path / "wheels", "--requirement", tmp_path / "pins.txt"])
+    called([*command, "--dest", tmp_path / "wheels", "--requirement", tmp_path / "pins.txt"])
 
-    assert done.returncode == 0, done.stderr
     assert len([*(tmp_path / "wheels").glob("*.whl")]) == len(found)

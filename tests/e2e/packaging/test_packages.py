@@ -4,7 +4,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 import venv
 from pathlib import Path
@@ -28,10 +27,7 @@ pytestmark = pytest.mark.e2e
 
 
 def run(*command: str | Path, **options: Any) -> str:
-    ended = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=280, check=False, **options
-    )
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    ended = called(command, timeout=280, **options)
     return ended.stdout + ended.stderr
 
 
@@ -99,9 +95,7 @@ def test_a_package_with_another_hash_than_the_locks_is_refused(tmp_path):
     run(*download)
 
     (tmp_path / "lock.txt").write_text(re.sub(r"(sha256:)[0-9a-f]{2}", r"\g<1>00", lock))
-    done = called(download)
-    assert done.returncode == 1
-    assert "DO NOT MATCH THE HASHES" in done.stderr
+    assert "DO NOT MATCH THE HASHES" in called(download, code=1).stderr
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
@@ -173,8 +167,7 @@ def test_ansible_validates_a_fleet_beside_the_folders_that_it_names(tmp_path):
 
     assert "turtlebot" in report
     copied.write_text("fleet: [1\n")
-    wrong = subprocess.run(command, env=os.environ | {"PATH": path}, check=False)
-    assert wrong.returncode == 2
+    called(command, code=2, env=os.environ | {"PATH": path})
     assert [each.name for each in etc.iterdir()] == ["robots"]
 
 

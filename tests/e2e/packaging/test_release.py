@@ -39,9 +39,8 @@ def test_a_commit_is_built_twice_with_the_same_bytes(
         *["--no-image"] * (not IMAGE),
         tmp_path / "dist",
     ]
-    done = called(command, env=env)
+    called(command, env=env)
 
-    assert done.returncode == 0, done.stdout + done.stderr
     built = {each.name: each.read_bytes() for each in (tmp_path / "dist").iterdir()}
     sums = dict(map(reversed, map(str.split, built.pop("SHA256SUMS").decode().splitlines())))
     assert sums == {name: hashlib.sha256(data).hexdigest() for name, data in built.items()}

@@ -92,9 +92,9 @@ def virtual_robots(
 
 @pytest.fixture
 def command(dds_environment: dict[str, str]) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """A function (arguments): runs `virtual-robots` to its end."""
+    """A function (arguments, code=0): runs `virtual-robots` to its end with that exit code."""
 
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return called([COMMAND, *arguments], env=dds_environment, timeout=60)
+    def run(*arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        return called([COMMAND, *arguments], env=dds_environment, code=code, timeout=60)
 
     return run

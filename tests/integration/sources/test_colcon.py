@@ -60,6 +60,5 @@ def test_the_exporter_builds_and_runs_in_a_colcon_workspace(tmp_path):
         [sys.executable, "-m", "ros_diagnostics_exporter.cli.main", "--version"],
         env={**os.environ, "PYTHONPATH": str(packages)},
         cwd=tmp_path,
-        check=True,
     )
     assert version.stdout.startswith("ros-diagnostics-exporter ")

@@ -87,7 +87,7 @@ def kilobytes_of_topics(environment: dict[str, str]) -> int:
 
 def printed(environment: dict[str, str], *program: str) -> int:
     argv = [sys.executable, "-c", *program]
-    run = called(argv, env=environment, check=True)
+    run = called(argv, env=environment)
     assert not run.stderr
     return int(run.stdout)
 

@@ -55,11 +55,10 @@ class Hall(Site):
         until(lambda: started.output().count(SERVES) > before, started.describe, 60)
         return started
 
-    def run(self, *flags: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run the exporter until it exits, at a port of its own."""
+    def run(self, *flags: str | Path, code: int) -> subprocess.CompletedProcess[str]:
+        """Run the exporter until it exits with this code, at a port of its own."""
         address = ("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
-        argv = self._argv(*address, *flags)
-        return called(argv, timeout=60)
+        return called(self._argv(*address, *flags), code=code, timeout=60)
 
     def ask(self, path: str, method: str = "GET", port: int = 0) -> Any:
         """JSON from the exporter."""

@@ -22,15 +22,13 @@ def test_an_invalid_web_config_is_an_error_at_the_start(site, tmp_path):
     web = tmp_path / "web.yml"
     web.write_text("basic_auth_users: {alice: password}")
     for check in ([], ["--config.check"]):
-        ended = site.run("--web.config.file", web, *check)
-        assert ended.returncode == 2
+        ended = site.run("--web.config.file", web, *check, code=2)
         assert f"{web}:1: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
 
 
 def test_the_database_of_another_exporter_is_not_used(site):
     exporter = site.serve()
-    ended = site.run("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
-    assert ended.returncode == 1
+    ended = site.run("--web.listen-address", f"127.0.0.1:{ports.free_port()}", code=1)
     database = site.folder / "exporter.db"
     assert f"{database} is in use by another exporter (pid {exporter.pid})" in ended.stderr
     assert "give this one another --storage.path" in ended.stderr

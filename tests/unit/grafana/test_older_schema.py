@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from support.called import called
 from support.committed_dashboards import BOARDS
 
 pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
@@ -48,17 +49,8 @@ def test_the_models_of_grafana_10_4_read_it(uid: str, sdk: Path):
         annotation.pop("textFormat")
 
     argv = [sys.executable, "-c", READ]
-    done = subprocess.run(
-        argv,
-        input=json.dumps(board),
-        env={"PYTHONPATH": str(sdk)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    done = called(argv, input=json.dumps(board), env={"PYTHONPATH": str(sdk)}, timeout=60)
 
-    assert done.returncode == 0, done.stderr
     assert _without(json.loads(done.stdout)) == _without(board)
 
 

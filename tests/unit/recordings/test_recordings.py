@@ -7,7 +7,6 @@ import json
 import os
 import random
 import resource
-import subprocess
 import sys
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -25,6 +24,7 @@ from ros_diagnostics_exporter.recordings.recordings import FaultRecordings, Kept
 from ros_diagnostics_exporter.recordings.rings import PER, RING, Rings
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.main import main
+from support.called import called
 from virtual_robots.model import Status
 from virtual_robots.recording.cdr import encode_array
 
@@ -549,5 +549,4 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 def test_the_memory_of_the_compression_is_not_asked_for_again_at_each_chunk():
     argv = [sys.executable, "-c", COMPRESSED]
-    run = subprocess.run(argv, capture_output=True, text=True, check=True)
-    assert int(run.stdout) < 1_000  # pages
+    assert int(called(argv).stdout) < 1_000  # pages

@@ -191,6 +191,6 @@ def test_the_documented_jq_line_prints_only_printable_text():
     ]
     event = {"after": "ERROR", "time": 1, "robot": "r", "component": "c", "message": AWKWARD}
     answer = json.dumps({"events": [event]})
-    done = called(["sh", "-c", line], input=answer, check=True)
+    done = called(["sh", "-c", line], input=answer)
     assert done.stdout.rstrip("\n").isprintable()
     assert json.loads(done.stdout) == [1, "r", "c", AWKWARD]

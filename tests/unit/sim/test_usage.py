@@ -13,8 +13,7 @@ def test_without_ros_a_sentence_says_how_to_get_it():
         "import sys; sys.modules['rclpy'] = None\n"
         "from virtual_robots.cli import main; sys.exit(main(['--robots', '1']))"
     )
-    done = called([sys.executable, "-c", code], timeout=60)
-    assert done.returncode == 1
+    done = called([sys.executable, "-c", code], code=1, timeout=60)
     assert "ROS 2 cannot be imported" in done.stderr
     assert f"{sys.executable} -m pip install " in done.stderr
     assert "Traceback" not in done.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from ros_diagnostics_exporter.sources.ros_environment import (
     use_log_folder,
     use_profiles,
 )
+from support.called import called
 
 VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
@@ -118,6 +118,4 @@ print(kilobytes() - before)
     ("whose", "least", "most"), [("theirs", 40 << 10, 60 << 10), ("ours", 0, 2 << 10)]
 )
 def test_what_large_messages_needed_is_returned_to_the_system(whose, least, most):
-    argv = [sys.executable, "-c", FREED, whose]
-    run = subprocess.run(argv, capture_output=True, text=True, check=True)
-    assert least <= int(run.stdout) <= most
+    assert least <= int(called([sys.executable, "-c", FREED, whose]).stdout) <= most

@@ -11,6 +11,7 @@ from urllib.request import urlopen
 import pytest
 
 from ros_diagnostics_exporter.extras import install_command
+from support.called import called
 from testbed.polling import until
 
 WITHOUT = """
@@ -28,27 +29,21 @@ def fleet_file(tmp_path):
     return path
 
 
-def run(*arguments, absent=WITHOUT):
-    return subprocess.run(
-        [sys.executable, "-c", absent, *arguments, "--web.listen-address", "127.0.0.1:0"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+def run(*arguments, absent=WITHOUT, code=1):
+    address = ("--web.listen-address", "127.0.0.1:0")
+    return called([sys.executable, "-c", absent, *arguments, *address], code=code, timeout=60)
 
 
 def test_without_rclpy_the_exporter_says_what_to_do_and_exits_1(fleet_file):
     ended = run("--config.file", str(fleet_file))
 
-    assert ended.returncode == 1
     assert "source it (source /opt/ros/jazzy/setup.bash)" in ended.stderr
     assert install_command("ros") in ended.stderr
     assert "Traceback" not in ended.stderr
 
 
 def test_a_config_can_be_checked_without_ros(fleet_file):
-    assert run("--config.file", str(fleet_file), "--config.check").returncode == 0
+    run("--config.file", str(fleet_file), "--config.check", code=0)
 
 
 def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(fleet_file, monkeypatch):
@@ -57,7 +52,6 @@ def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(fleet_file, 
     with_ros = WITHOUT.replace('sys.modules["rclpy"] = None', "")
     ended = run("--config.file", str(fleet_file), absent=with_ros)
 
-    assert ended.returncode == 1
     assert "RMW_IMPLEMENTATION is 'rmw_nonsense_cpp'" in ended.stderr
     assert "unset it, or install" in ended.stderr
     assert "source it" not in ended.stderr
@@ -101,6 +95,5 @@ def test_without_eclipse_zenoh_the_exporter_says_what_to_do_and_exits_1(tmp_path
 
     ended = run("--config.file", str(path), absent=WITHOUT.replace("rclpy", "zenoh"))
 
-    assert ended.returncode == 1
     assert install_command("zenoh") in ended.stderr
     assert "Traceback" not in ended.stderr

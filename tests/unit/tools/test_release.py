@@ -68,6 +68,7 @@ def release(source: Path) -> subprocess.CompletedProcess[str]:
         (programs / name).chmod(0o755)
     return called(
         [source / "packaging" / "release", source / "dist"],
+        code=1,
         env=os.environ | {"PATH": f"{programs}:{os.environ['PATH']}"},
     )
 
@@ -75,7 +76,6 @@ def release(source: Path) -> subprocess.CompletedProcess[str]:
 def test_an_image_that_cannot_be_built_is_named_and_stops_nothing_else(source: Path):
     done = release(source)
 
-    assert done.returncode == 1, done.stderr
     assert "registry: no such host" in done.stderr
     assert done.stderr.splitlines()[-1].startswith("the image is missing, all else is in ")
     names = {each.name.replace(__version__, "V") for each in (source / "dist").iterdir()}

@@ -117,9 +117,7 @@ def alertmanager(made, tmp_path_factory) -> Path:
 
 
 def test_the_routes_load_with_the_shipped_ones(alertmanager):
-    done = called(["amtool", "check-config", alertmanager])
-
-    assert done.returncode == 0, done.stderr
+    called(["amtool", "check-config", alertmanager])
 
 
 @pytest.mark.parametrize(
@@ -150,7 +148,7 @@ def test_the_routes_load_with_the_shipped_ones(alertmanager):
 )
 def test_contacts_receive_what_they_did(alertmanager, labels, receivers):
     command = ["amtool", "config", "routes", "test", f"--config.file={alertmanager}"]
-    done = called([*command, *labels.split()], check=True)
+    done = called([*command, *labels.split()])
 
     assert done.stdout.strip().replace("nagios-", "") == receivers
 
