@@ -50,6 +50,7 @@ def evidence(
     find: Find,
     robots: Iterable[str],
     messages: Iterable[str] = (),
+    *,
     flapping: Container[ComponentName] = (),
     elsewhere: int = 0,
 ) -> Evidence:

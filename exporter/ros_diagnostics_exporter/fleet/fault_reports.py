@@ -253,14 +253,18 @@ class FaultReports:
             return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             troubled, messages = self._troubled(identity), self._messages(identity)
-            flapping = {
-                ComponentName(each.group, each.component)
-                for each in (self.engine.identities(identity.robot) if reports is not None else ())
-                if each.state is State.FLAPPING
-            }
+            known = () if reports is None else self.engine.identities(identity.robot)
+            flaps = [each for each in known if each.state is State.FLAPPING]
             counted = self._others.counts.get((identity.scope, identity.site or identity.component))
             elsewhere = 0 if counted is None else counted.counted
-            return evidence(identity, self._find, troubled, messages, flapping, elsewhere)
+            return evidence(
+                identity,
+                self._find,
+                troubled,
+                messages,
+                flapping={ComponentName(each.group, each.component) for each in flaps},
+                elsewhere=elsewhere,
+            )
         of = self.engine.capabilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
