@@ -12,12 +12,13 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from simulation import features, network, planted, shards, twins
+from simulation import features, network, planted, shards, sources, twins
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
 
 LONGEST = 60  # seconds for one history of `--features`
+OF_SOURCES = 5  # of as many seeds one plays `sources`, which takes longer than the others
 
 
 def main() -> int:
@@ -51,7 +52,8 @@ def main() -> int:
 def _play_features(seeds: range) -> int:
     """Play short histories of a small fleet that uses every feature.
 
-    And of two nodes of one name, and of robots behind a bad network. Returns 1 where one fails.
+    And of two nodes of one name, of robots behind a bad network, and now and then one of a robot
+    with topics, goals, nodes and a query. Returns 1 where one fails.
     """
     logging.disable()  # robots that are odd are logged, thousands of times
     begin, seed, steps = time.perf_counter(), seeds.start, list[tuple[Any, ...]]()
@@ -65,6 +67,9 @@ def _play_features(seeds: range) -> int:
             network.play(seed)
             steps = []
             twins.play(seed)
+            if seed % OF_SOURCES == 0:
+                steps = [*sources.random_steps(seed)]
+                sources.play(seed)
     except Exception as error:  # noqa: BLE001 - of whatever kind: the seed is what is needed
         *_, last = traceback.extract_tb(error.__traceback__)
         print(f"seed {seed} fails: {error!r}\nin {last.name}: {last.line}", flush=True)
