@@ -412,8 +412,9 @@ class Site:
         part = robot.parts[DRIVES]
         is_silent = not robot.is_new and self.is_away(robot)
         is_bad = part.level != OK or self.ran - part.at > STALE_AFTER / 4
-        is_due = self.is_due(part.ok_at, CONFIRM) or part.changes >= FEWEST
-        return is_silent or (not part.is_new and is_bad and is_due)
+        may_flap = part.changes >= FEWEST  # whatever it says at the moment
+        is_failing = may_flap or (is_bad and self.is_due(part.ok_at, CONFIRM))
+        return is_silent or (not part.is_new and is_failing)
 
     def is_away(self, robot: Sender) -> bool:
         """Whether nothing arrived of it for so long that it may be silent."""
