@@ -85,27 +85,37 @@ def of_exporter(message: str) -> Evidence:
     return Evidence(message[:LENGTH], {"message": message})
 
 
-def of_capability(view: CapabilityView, known: Mapping[ComponentName, Component]) -> Evidence:
+def of_capability(
+    view: CapabilityView,
+    known: Mapping[ComponentName, Component],
+    flapping: Container[ComponentName],
+) -> Evidence:
     """The parts because of which a robot can do something no longer, or no longer well.
 
     Args:
         view: What is known of the capability.
         known: The robot's components.
+        flapping: Those of them that change too often.
     """
-    fields = _first("parts", (_part(*each, known) for each in view.parts.items()))
+    fields = _first("parts", (_part(*each, known, flapping) for each in view.parts.items()))
     return _written(fields, _short_names(known.values()))
 
 
 def _part(
-    part: PartName, state: CapabilityState, known: Mapping[ComponentName, Component]
+    part: PartName,
+    state: CapabilityState,
+    known: Mapping[ComponentName, Component],
+    flapping: Container[ComponentName],
 ) -> Fields:
-    fields = {key: _text(text) for key, text in part._asdict().items() if text}
-    component = known.get(ComponentName(part.group, part.component))
+    fields: Fields = {key: _text(text) for key, text in part._asdict().items() if text}
+    name = ComponentName(part.group, part.component)
+    component = known.get(name)
     beyond = _beyond(component, part.key) if component is not None and part.key else None
     if beyond is not None:
         fields |= {"message": beyond}
     elif component is not None:
         fields |= {"level": Level(component.level).name, "message": _text(component.message)}
+        fields |= {"flaps": True} if name in flapping else {}
     return {**fields, "state": state.name.lower()}
 
 

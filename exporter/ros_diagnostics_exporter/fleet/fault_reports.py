@@ -251,10 +251,11 @@ class FaultReports:
         if identity.scope is Scope.CAPABILITY and not identity.robot:
             view = self.engine.needs(None).get(identity.check)
             return Evidence("" if view is None else fleet_evidence(view), {})
+        known = () if reports is None else self.engine.identities(identity.robot)
+        flaps = [each for each in known if each.state is State.FLAPPING]
+        flapping = {ComponentName(each.group, each.component) for each in flaps}
         if identity.scope is not Scope.CAPABILITY or reports is None:
             troubled, messages = self._troubled(identity), self._messages(identity)
-            known = () if reports is None else self.engine.identities(identity.robot)
-            flaps = [each for each in known if each.state is State.FLAPPING]
             counted = self._others.counts.get((identity.scope, identity.site or identity.component))
             elsewhere = 0 if counted is None else counted.counted
             return evidence(
@@ -262,11 +263,11 @@ class FaultReports:
                 self._find,
                 troubled,
                 messages,
-                flapping={ComponentName(each.group, each.component) for each in flaps},
+                flapping=flapping,
                 elsewhere=elsewhere,
             )
         of = self.engine.capabilities(identity.robot).get(identity.check)
-        return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
+        return Evidence("", {}) if of is None else of_capability(of, reports.by_name, flapping)
 
     def _capabilities_text(self, identity: Identity) -> str:
         """What else the robot can no longer do; nothing of one that is silent, or an uplink."""

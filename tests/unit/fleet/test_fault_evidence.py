@@ -253,6 +253,20 @@ def test_of_a_capability_the_parts_that_it_lacks(tmp_path):
     }
 
 
+def test_of_a_capability_that_a_part_flaps(tmp_path):
+    text = """
+fleet: f
+profiles: {default: {capabilities: {driving: [Motor]}}}
+robots: [{name: r, topic: /r/diagnostics, source: raw}]
+"""
+    driver = StateDriver(fleet=load_text(tmp_path, text)).raw_every(1, SETTLED, MOTOR)
+    for _change in range(5):
+        for level in (ERROR, OK):
+            driver.raw(Status(level, "Motor", "Turns")).wait(2)
+    assert evidence(driver) == ["Motor FLAPPING: Turns"]
+    assert details(driver)["lost", ""]["parts"][0]["flaps"]
+
+
 def test_of_a_capability_the_value_that_is_beyond_its_threshold(tmp_path):
     text = """
 fleet: f
