@@ -65,7 +65,9 @@ class Site:
     number: int = 0  # of goals
     aborted_at: float | None = None  # the last goal, if it was
     asked: set[str] = field(default_factory=set)  # the topics that are subscribed
-    pressed: bool = False  # what the e-stop said last
+    # What was received of each part last, in this second and before it: whether it is broken.
+    said: dict[str, bool] = field(default_factory=dict)
+    said_before: dict[str, bool] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.driver = StateDriver(fleet=self.fleet())
@@ -146,13 +148,13 @@ class Site:
             self.driver.keep(self.path)
             self.driver.state.adopt(firing, self.driver.now)
         self.asked = set()
-        self.pressed = self.broken["E-stop"]
 
     # -- time --------------------------------------------------------------------------------
 
     def wait(self, seconds: int) -> None:
         """Let time pass, in which all goes on as it is."""
         for _ in range(seconds):
+            self.said_before = dict(self.said)
             self._look()
             self._publish()
             for _tick in range(4):
@@ -169,12 +171,14 @@ class Site:
         state, now, seen = self.driver.state, self.driver.now, self.is_on and self.shows_nodes
         nodes = [] if self.broken["node amcl"] else [("amcl", "/r")]
         state.update_nodes(0, [("diag", "/r"), *nodes] if seen else [], now)
+        if seen:
+            self.said["node amcl"] = self.broken["node amcl"]
         asked = set(state.watched_topics(0, self._offered(), now))
         publishers = int(self.is_on and self.source != "none")
         state.update_graph(0, {"/r/diagnostics": Endpoint(publishers)}, now)
         new, self.asked = asked - self.asked, asked
         if E_STOP in new:
-            self._send(E_STOP, bytes([self.broken["E-stop"]]))
+            self._send_e_stop()
         if DOCK in new:
             self._send_goals()
 
@@ -183,16 +187,21 @@ class Site:
         if self.is_on and self.source != "none":
             found = ((name, ERROR if broken[name] else OK) for name in DRIVERS)
             self.driver.raw(*(Status(level, name, "it says so") for name, level in found))
-        self._send(BATTERY, pack("<f", 0.1 if broken["Battery"] else 0.8))
-        if self.is_on and self.pressed != broken["E-stop"]:
-            self.pressed = broken["E-stop"]
-            self._send(E_STOP, bytes([self.pressed]))
+            self.said |= {name: broken[name] for name in DRIVERS}
+        self._send("Battery", BATTERY, pack("<f", 0.1 if broken["Battery"] else 0.8))
+        if self.said.get("E-stop") != broken["E-stop"]:
+            self._send_e_stop()
         if self.answers and self.time % ASKED == 0:
             disk = Status(ERROR if broken["disk"] else OK, "disk", "10" if broken["disk"] else "1")
             state.receive_answer(state.fleet.queries[0].feed, {"r": [disk]}, now)
+            self.said["disk"] = broken["disk"]
 
-    def _send(self, topic: str, content: bytes) -> None:
+    def _send_e_stop(self) -> None:
+        self._send("E-stop", E_STOP, bytes([self.broken["E-stop"]]))
+
+    def _send(self, part: str, topic: str, content: bytes) -> None:
         if self.is_on and topic in self.asked:
+            self.said[part] = self.broken[part]
             data, now = b"\0\1\0\0" + content, self.driver.now
             self.driver.state.receive_fields(0, topic, TYPES[topic][0], data, now)
 
@@ -203,7 +212,7 @@ class Site:
     # -- what holds --------------------------------------------------------------------------
 
     def _check_ends(self) -> None:
-        """Nothing that is broken recovers."""
+        """Nothing recovers that is broken by what was received last, before this second, too."""
         events = self.driver.state.take_events()
         for event in events:
             self.driver.log.record(event)
@@ -215,7 +224,8 @@ class Site:
             return False
         if event.component == "dock":
             return self.aborted_at is not None and self.time - self.aborted_at < WITHIN - 2
-        return self.broken.get(event.component, False)
+        found = (said.get(event.component, False) for said in (self.said_before, self.said))
+        return all(found)
 
     def finish(self, *, broken: bool) -> None:
         """All is repaired, and no fault is left; or all fails, and each part is a fault."""
