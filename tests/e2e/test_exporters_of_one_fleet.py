@@ -117,8 +117,8 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(subnets: S
 
 SHARED = """
 fleet: hall
-profiles: {{default: {{stale_after: 4s, confirm_after: 2s}}}}
-faults: {{restart_grace: 8s, confirm_after: 4s}}
+profiles: {{default: {{stale_after: 4s, confirm_after: 8s}}}}
+faults: {{restart_grace: 8s}}
 discovery:
   - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain}], labels: {{site: lan}}}}
 """
