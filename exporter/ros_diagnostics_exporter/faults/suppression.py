@@ -281,8 +281,12 @@ def edges(book: Book, problem: Problem, now: Instant) -> Iterator[Edge]:
     flaps = robot.problems.get(State.FLAPPING)
     # What is freshly received of a robot that comes and goes is as true as of any other, and one
     # that stays away does not come and go.
-    may_be_back = problem.verdict is Verdict.ABSENT and not robot.stays_away(book.settings.flapping)
-    if flaps is not None and flaps is not problem and may_be_back:
+    if (
+        flaps is not None
+        and flaps is not problem
+        and problem.verdict is Verdict.ABSENT
+        and not robot.stays_away(book.settings.flapping)
+    ):
         yield Edge(Reason.ROBOT_FLAPPING, flaps, is_specific=True)
     if component is not None:
         yield from _depended_on(problem, component)

@@ -51,7 +51,7 @@ def evidence(
     robots: Iterable[str],
     messages: Iterable[str] = (),
     *,
-    flapping: Container[ComponentName] = (),
+    flapping: Iterable[Component] = (),
     elsewhere: int = 0,
 ) -> Evidence:
     """The evidence of a fault, but of a capability.
@@ -88,7 +88,7 @@ def of_exporter(message: str) -> Evidence:
 def of_capability(
     view: CapabilityView,
     known: Mapping[ComponentName, Component],
-    flapping: Container[ComponentName],
+    flapping: Iterable[Component],
 ) -> Evidence:
     """The parts because of which a robot can do something no longer, or no longer well.
 
@@ -97,7 +97,8 @@ def of_capability(
         known: The robot's components.
         flapping: Those of them that change too often.
     """
-    fields = _first("parts", (_part(*each, known, flapping) for each in view.parts.items()))
+    restless = set(flapping)
+    fields = _first("parts", (_part(*each, known, restless) for each in view.parts.items()))
     return _written(fields, _short_names(known.values()))
 
 
@@ -105,17 +106,16 @@ def _part(
     part: PartName,
     state: CapabilityState,
     known: Mapping[ComponentName, Component],
-    flapping: Container[ComponentName],
+    flapping: Container[Component],
 ) -> Fields:
     fields: Fields = {key: _text(text) for key, text in part._asdict().items() if text}
-    name = ComponentName(part.group, part.component)
-    component = known.get(name)
+    component = known.get(ComponentName(part.group, part.component))
     beyond = _beyond(component, part.key) if component is not None and part.key else None
     if beyond is not None:
         fields |= {"message": beyond}
     elif component is not None:
         fields |= {"level": Level(component.level).name, "message": _text(component.message)}
-        fields |= {"flaps": True} if name in flapping else {}
+        fields |= {"flaps": True} if component in flapping else {}
     return {**fields, "state": state.name.lower()}
 
 
@@ -222,15 +222,14 @@ def _number(value: ExportedValue) -> Fields:
     return {"number": value.number if finite else None, "unit": _text(value.unit)}
 
 
-def _of_robot(identity: Identity, robot: RobotState, flapping: Container[ComponentName]) -> Fields:
+def _of_robot(identity: Identity, robot: RobotState, flapping: Iterable[Component]) -> Fields:
     if identity.scope is Scope.CHECK:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
         found = {name: sum(counts) for name, counts in robot.components.count_checks()}
         if identity.check in found:
             return {"found": found[identity.check], "expected": expected[identity.check]}
     elif identity.state is State.MANY:
-        names = {each: ComponentName(each.group, each.label) for each in robot.components}
-        restless = {each for each, name in names.items() if name in flapping}
+        restless = set(flapping)
         troubled = [each for each in robot.components if each in restless or _is_troubled(each)]
         return _first("components", (_with_level(each, each in restless) for each in troubled))
     elif identity.state is State.CLOCK and robot.clock_behind is not None:

@@ -251,9 +251,7 @@ class FaultReports:
         if identity.scope is Scope.CAPABILITY and not identity.robot:
             view = self.engine.needs(None).get(identity.check)
             return Evidence("" if view is None else fleet_evidence(view), {})
-        known = () if reports is None else self.engine.identities(identity.robot)
-        flaps = [each for each in known if each.state is State.FLAPPING]
-        flapping = {ComponentName(each.group, each.component) for each in flaps}
+        flapping = self._flapping(identity.robot)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             troubled, messages = self._troubled(identity), self._messages(identity)
             counted = self._others.counts.get((identity.scope, identity.site or identity.component))
@@ -294,6 +292,13 @@ class FaultReports:
         for name, reports in self._robots.items():
             if name in counted or _is_part(reports.robot, identity):
                 yield name
+
+    def _flapping(self, robot: str) -> Iterator[Component]:
+        """The components of a robot that change too often."""
+        for identity in self.engine.identities(robot) if robot in self._robots else ():
+            found = self._find(identity) if identity.state is State.FLAPPING else None
+            if found is not None and found[1] is not None:
+                yield found[1]
 
     def _messages(self, identity: Identity) -> Iterator[str]:
         """What the components say that a fault of many robots counts."""
