@@ -185,7 +185,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
             EXPORTER,
             Part.FAULTS,
         ),
-        lambda exporter: [((), float(exporter.state.settled(read_clocks())))],
+        lambda exporter: _one(exporter.state.settled(read_clocks())),
     ),
     (
         _family(
