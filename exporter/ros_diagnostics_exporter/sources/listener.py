@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 import time
@@ -81,7 +82,9 @@ class Listener:
         """
         try:
             before, self._addresses = self._addresses, local_addresses()
-        except OSError:
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE):
+                raise
             return []
         return [
             each

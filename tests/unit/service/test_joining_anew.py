@@ -4,6 +4,7 @@ import errno
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -234,8 +235,14 @@ def test_no_domain_is_outdated_while_no_file_may_be_opened(monkeypatch):
     made: Any = SimpleNamespace(addresses=frozenset({"10.0.0.2"}), joined=True)
     listener._domains = {7: made}
 
-    def too_many():
-        raise OSError(errno.EMFILE, "Too many open files")
+    def fail(number: int) -> None:
+        monkeypatch.setattr(
+            "ros_diagnostics_exporter.sources.listener.local_addresses",
+            Mock(side_effect=OSError(number, "it is not read")),
+        )
 
-    monkeypatch.setattr("ros_diagnostics_exporter.sources.listener.local_addresses", too_many)
+    fail(errno.EMFILE)
     assert (listener.find_outdated(), listener.find_outdated()) == ([], [])
+    fail(errno.EACCES)
+    with pytest.raises(PermissionError):
+        listener.find_outdated()
