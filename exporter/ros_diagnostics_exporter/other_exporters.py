@@ -45,7 +45,7 @@ class OtherExporters:
         self._shard = shard
         self._client = client
         self._clocks = clocks
-        self._heard: dict[str, Counts] = {}
+        self._said: dict[str, Counts] = {}
         self.error = ""
 
     def turn(self) -> None:
@@ -65,8 +65,8 @@ class OtherExporters:
             scope = Scope(labels["scope"])
             key = scope, labels.get("site" if scope is Scope.SITE else "component", "")
             of_one[key] = of_one.get(key, Count())._replace(**{labels["state"]: int(number)})
-        self._heard |= found
-        known = [self._heard[name] for name in self._names() if name in self._heard]
+        self._said |= found
+        known = [self._said[name] for name in self._names() if name in self._said]
         share = (len(known) + 1) / self._shard.count
         self._state.judge(lambda of: of.take_others(_sum(known), share, self._clocks()))
 
@@ -78,14 +78,15 @@ class OtherExporters:
 
     @property
     def missing(self) -> list[Shard]:
-        """Those of which nothing was ever heard."""
-        return [shard for name, shard in self._names().items() if name not in self._heard]
+        """Those that have said nothing yet."""
+        return [shard for name, shard in self._names().items() if name not in self._said]
 
     @property
     def is_first(self) -> bool:
-        """Whether this one is to say which are missing: the first of those that are heard."""
-        heard = self._names().keys() & self._heard.keys()
-        return all(self._shard.number < self._names()[name].number for name in heard)
+        """Whether this one is to say which are missing: the first of those that are not."""
+        others = self._names()
+        there = others.keys() & self._said.keys()
+        return all(self._shard.number < others[name].number for name in there)
 
     def samples(self, now: Instant) -> Iterator[tuple[Labels, float]]:
         """What this exporter serves for the others: nothing while it does not know yet."""

@@ -213,7 +213,7 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     """(how many keep it active, how many of them are in trouble now)."""
     robot = cause.robot
     if robot is None:
-        if book.others is NO_OTHERS:
+        if book.others is NO_OTHERS:  # as at most sites: asked at each change of a level
             return len(cause.counted), len(cause.fresh)
         others = book.others.counts.get((cause.scope, cause.name), Count())
         return _number(book, cause.counted) + others.counted, (
@@ -294,7 +294,7 @@ def counts(book: Book) -> Counts:
 
 
 def _present(book: Book, cause: Cause) -> float:
-    """How many robots there are of a site, or all; those of exporters not heard yet are guessed."""
+    """How many robots there are of a site, or all; of exporters not known yet they are guessed."""
     is_site = cause.scope is Scope.SITE
     sites = (book.present.get(cause.name, ()),) if is_site else book.present.values()
     own = sum(_number(book, each) for each in sites)

@@ -49,7 +49,7 @@ def test_what_the_others_count_makes_a_few_robots_many():
     assert not common(broken(2, Others({ALL: Count(60), OF_MOTOR: Count(0, 3, 3)})))
 
 
-def test_the_robots_of_exporters_that_were_not_heard_are_guessed():
+def test_the_robots_of_exporters_that_are_not_known_yet_are_guessed():
     """Six are a quarter of 24, and too few if these are the robots of one exporter of four."""
     few = {ALL: Count(18)}
     assert common(broken(6, Others(few, known=1.0)))

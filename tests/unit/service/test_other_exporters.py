@@ -42,7 +42,7 @@ class Answers:
 
 
 class Taken:
-    """What the state of the second of three exporters was told."""
+    """What the state of the second of three exporters was given."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str = "f") -> None:
         state = FleetState(Fleet(name).part(Shard(2, 3)), NOW)

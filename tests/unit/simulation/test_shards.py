@@ -1,4 +1,4 @@
-"""Exporters that share a fleet: no fault is lost and none comes twice, whoever starts or dies."""
+"""Exporters that share a fleet: no fault is lost and none comes twice as they start and die."""
 
 import pytest
 
