@@ -30,10 +30,9 @@ from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.fleet.first_reports import FirstReports
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component, is_name_of
+from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import RobotConditions, Suppressed
-from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import check_matches, component_rule, value_rule
@@ -157,10 +156,6 @@ class RobotReports:
             rule = component_rule(robot.profile, name.component)
             if rule is not None and rule.ignore:
                 changes += faults.forget_component(robot.name, name, now)
-                continue
-            for component, new in self._names.items():
-                if _had_name(component, name):
-                    changes += faults.component_moved(robot.name, name, new, now)
         return changes
 
     # -- what changed ------------------------------------------------------------------------
@@ -481,9 +476,3 @@ def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
     name = component.identity[0]
     rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
     return any(rule is not None and rule.thresholds for rule in rules)
-
-
-def _had_name(component: Component, name: ComponentName) -> bool:
-    """Whether a component had this name by another limit of the length of labels."""
-    is_own = is_name_of(name.component, component.identity)
-    return is_own and truncate(name.group, len(component.group)) == component.group

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
-from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent, PersistedSaid
 from ros_diagnostics_exporter.robots.values import ComponentValues
@@ -283,12 +282,10 @@ class Component:
         level, since = self.level, self.since
         if self.resumes is not None:  # not received since the last start
             level, since = self.resumes
-        is_plain = self.name == self.identity[0] and not self.identity[2]  # as of most
-        is_named = is_plain or is_name_of(self.name, self.identity)
         return PersistedComponent(
             identity=self.identity,
             group=self.group,
-            name=None if is_named else self.name,
+            name=None if self.name == full_name(self.identity) else self.name,
             hardware_id=self.hardware_id,
             level=level,
             reported=self.published,
@@ -365,8 +362,3 @@ def full_name(identity: Identity) -> str:
     """The name of a component before it is truncated."""
     name, _group, hardware_id = identity
     return f"{name} [{hardware_id}]" if hardware_id else name or "(unnamed)"
-
-
-def is_name_of(name: str, identity: Identity) -> bool:
-    """Whether a component has this name, by whatever limit of the length of labels."""
-    return truncate(full_name(identity), len(name)) == name

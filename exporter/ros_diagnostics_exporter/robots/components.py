@@ -46,8 +46,7 @@ class Components:
 
     ``reject`` is called with the reason and name of what is rejected, ``changed`` with (component,
     level before, now) at every change of a level. ``split_names`` are those that several nodes
-    publish, each with a hardware_id; ``has_fault`` says whether people know a component by its
-    name, which it then keeps.
+    publish, each with a hardware_id; one that ``has_fault`` keeps the name that people know.
     """
 
     _profile: config.Profile
@@ -61,8 +60,7 @@ class Components:
     has_fault: Callable[[Component], bool] = lambda _component: False
     next_late: float = inf  # until when none of a robot that is up can be, monotonic
     _key_values: int = 0  # of all components
-    # labels by group, see `unique_name`
-    _taken: dict[str, dict[str, int]] = field(default_factory=dict)
+    _taken: dict[str, dict[str, int]] = field(default_factory=dict)  # labels, by group
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
     # Arrays alone, which have all that is published.
     last_array: float = -inf  # when it was received, monotonic
@@ -171,9 +169,9 @@ class Components:
             self.split_names.add(name)
         component = self.get_or_add(persisted.identity, persisted.group, now)
         if component is not None:
-            if persisted.name is not None:
-                component.name = persisted.name
-                self._waiting[component] = component.group
+            name = persisted.name or full_name(persisted.identity)
+            if name != component.name:  # it has waited, or limits.label_length is another now
+                component.name, self._waiting[component] = name, component.group
                 self._set_label(component, component.group)
             component.restore(persisted, now)
         return component
@@ -222,13 +220,16 @@ class Components:
             self.remove(component)
 
     def configure(self, profile: config.Profile, limits: config.Limits, now: Instant) -> None:
-        """Apply another profile to every component."""
+        """Apply another profile, and other limits, to every component."""
         self._profile, self._limits = profile, limits
         self._value_series.limit = limits.robot_series
         for component in list(self.by_identity.values()):
             was_on_change = component.is_on_change
-            is_wanted = self._follow_profile(component, now)
-            if is_wanted and component.is_on_change and not was_on_change:
+            if not self._follow_profile(component, now):
+                continue
+            if component.name != self._name(component.identity):
+                self._rename(component, truncate(component.group, limits.label_length))
+            if component.is_on_change and not was_on_change:
                 if component.raw_received is None:  # an aggregator said STALE, and no driver
                     component.stale_at_source = False
                 if self.receives_arrays(now) and not component.missing:
@@ -475,8 +476,7 @@ class Components:
         """Components long absent that were OK when last received: absence never ends a problem."""
         after = self._profile.forget_after
         for component in self.by_identity.values():
-            absent = now.mono - component.listed > after and component.is_stale
-            if absent and component.was_ok:
+            if now.mono - component.listed > after and component.is_stale and component.was_ok:
                 yield component
 
     # -- checks ------------------------------------------------------------------------------

@@ -554,6 +554,12 @@ def scraped(*steps: tuple[object, ...]) -> list[tuple[tuple[object, ...], str]]:
         *[("wait", 7.0), again(level=ERROR)] * 2,
     )
 )
+# A fault whose component has a shorter label since: it keeps its name until it is over.
+@example(
+    scraped(
+        ("raw", "/r1/d", (Status(ERROR, "Arm: left"),)), ("wait", 7.0), ("configure", SHORT_LABELS)
+    )
+)
 # What is STALE may be well while messages are lost.
 @example(
     scraped(
