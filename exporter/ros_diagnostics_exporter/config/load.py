@@ -45,7 +45,10 @@ from ros_diagnostics_exporter.config.validate import (
     validate,
 )
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
+from ros_diagnostics_exporter.durations import written
 
+# Seconds within which exporters tell one another what they count: by two scrapes, and two looks.
+TOLD_WITHIN = 8.0
 _SUFFIXES = (".yml", ".yaml")
 _Content = Mapping[str, Any]  # of a profile, as it is in the file
 _LISTS = ("robots", "discovery", "shared", "maintenance", "queries")
@@ -68,6 +71,24 @@ def load(path: Path, shard: Shard | None = None) -> Fleet:
         raise ConfigError(problems, sources)
     fleet = replace(fleet, sources=tuple(sources))
     return fleet if shard is None else fleet.part(shard)
+
+
+def _unfit_for_shards(
+    document: Document, top: Fleet, profiles: Mapping[str, Profile]
+) -> Iterator[Finding]:
+    """What one exporter alone can do: of several each knows late, or not, of the others' robots."""
+    if top.capabilities:
+        what = "need all robots, and --shard gives each exporter a part of them"
+        remedy = "run one exporter without --shard, or remove them"
+        yield document.problem(("capabilities",), what, remedy)
+    for name, profile in profiles.items():
+        if profile.confirm_after < TOLD_WITHIN:
+            what = (
+                f"is {written(profile.confirm_after)}, before exporters with --shard know what the "
+                f"others count: a silent site would be a fault of each robot"
+            )
+            remedy = f"make it {written(TOLD_WITHIN)} or longer; that of a component may be shorter"
+            yield document.problem(("profiles", name, "confirm_after"), what, remedy)
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -106,10 +127,8 @@ def _fleet(reading: _Reading, shard: Shard | None) -> Fleet | None:
         of_robots = {name for each in profiles.values() for name in each.capabilities}
         for name, what, remedy in wrong_names(top.capabilities, of_robots=of_robots):
             problems.append(document.problem(("capabilities", name), what, remedy))
-    if top.capabilities and shard is not None:
-        what = "need all robots, and --shard gives each exporter a part of them"
-        remedy = "run one exporter without --shard, or remove them"
-        problems.append(document.problem(("capabilities",), what, remedy))
+    if shard is not None:
+        problems.extend(_unfit_for_shards(document, top, profiles))
     if top.zenoh is None:
         problems.extend(find_unreached(checked))
     fleet = replace(

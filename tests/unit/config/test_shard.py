@@ -108,6 +108,19 @@ def test_an_exporter_is_named_by_its_number_whatever_the_count_is(tmp_path, give
     assert load(tmp_path / "fleet.yml").together == given
 
 
+def test_a_silent_robot_is_confirmed_after_the_others_have_told_what_they_count(tmp_path):
+    path = tmp_path / "fleet.yml"
+    load_text(tmp_path, f"{HALL}\nprofiles: {{default: {{confirm_after: 2s}}}}")
+    with pytest.raises(
+        ConfigError, match=r"confirm_after.* is 2s, .*--shard.*make it 8s"
+    ) as raised:
+        load(path, Shard(1, 2))
+    assert f"{path}:{len(path.read_text().splitlines())}" in str(raised.value)
+    quick = "components: [{match: Motor, confirm_after: 0s}]"
+    load_text(tmp_path, f"{HALL}\nprofiles: {{default: {{confirm_after: 8s, {quick}}}}}")
+    assert load(path, Shard(1, 2)).shard.number == 1
+
+
 def test_capabilities_of_a_fleet_need_all_its_robots(tmp_path):
     load_text(tmp_path, CAPABLE)
     with pytest.raises(ConfigError, match=r"capabilities.*--shard.*run one exporter") as raised:
