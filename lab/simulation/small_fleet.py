@@ -87,6 +87,7 @@ OF_FLEET = WantedCapability(
 FLAP_INTERVAL = 15.0  # seconds without a change that count as one state of 21
 FLAP_TIME = 20 * FLAP_INTERVAL  # seconds after which a change no longer counts
 FEWEST, ENOUGH = 7, 12  # changes of 20 that may be flapping, and that are
+FEWEST_TO_GO_ON = 4  # changes of 20 with which what flaps may go on
 MAY_FLAP = 4  # changes in two intervals: too many for one that is at rest
 RECENT = 60.0  # seconds in which so many are flapping, whatever was before
 MINUTES = tuple((0, 827 + 4 * each, 829 + 4 * each) for each in range(20))

@@ -29,6 +29,7 @@ from simulation.small_fleet import (
     DRIVING,
     ENOUGH,
     FEWEST,
+    FEWEST_TO_GO_ON,
     FLAP_INTERVAL,
     FLAP_TIME,
     FLEETS,
@@ -137,6 +138,7 @@ class Delivered:
         assert is_due, f"began before it was due: {identity}"
 
     def _flapping_began(self, identity: Identity, at: float) -> None:
+        """One with enough changes; or with enough to go on, where it was explained before."""
         if self.clock_set_at > -inf:
             return  # the hours of warnings are of the clock that was set
         known = self.truth[identity.robot, identity.component]
@@ -146,6 +148,11 @@ class Delivered:
             changes, fewest, within = known.brief, intermittent.changes, intermittent.within + SOON
             just_now = [each for each in known.sure if each > at - 2 * FLAP_INTERVAL]
             assert len(just_now) < MAY_FLAP, f"began of what may flap: {identity}"
+        elif any(
+            last - first < within
+            for first, last in zip(changes, changes[fewest - 1 :], strict=False)
+        ):
+            fewest = FEWEST_TO_GO_ON
         lately = [each for each in changes if each > at - within]
         assert len(lately) >= fewest, f"began with {len(lately)} changes: {identity}"
 
@@ -195,12 +202,17 @@ class Delivered:
         return is_bad or bool(charge.below) or not (charge.known and charge.counts)
 
     def _bad_of(self, robot: str) -> list[str]:
-        """The components of a robot that may count as many: not those that nobody reaches."""
+        """The components of a robot that may count as many: not those that nobody reaches.
+
+        What flaps counts whatever it says at the moment.
+        """
         unreached = HOSTS if robot in self.cut or self._uplink_fails() else {}
         return [
             name
             for (owner, name), known in self.truth.items()
-            if owner == robot and known.level is not OK and name not in unreached
+            if owner == robot
+            and (known.level is not OK or len(known.changes) >= FEWEST)
+            and name not in unreached
         ]
 
     def _uplink_fails(self) -> bool:

@@ -116,8 +116,11 @@ def leave_site(book: Book, robot: RobotRecord, now: Instant) -> None:
 
 
 def _thin(book: Book, cause: Cause) -> None:
-    """Note that a person has taken out some of what a cause counts: no end of it is a recovery."""
-    cause.thinned = True
+    """Note that a person has taken out some of what a cause counts, where that may end it.
+
+    Such an end is no recovery.
+    """
+    cause.thinned |= cause.active is not None
     book.touched_causes[cause] = None
 
 

@@ -91,6 +91,29 @@ LOST_BY_A_PART_THAT_WAS_KNOWN = [
     (0, ("charge", "r2", 15.0), False),
     (0, ("downtime_of", "r2", {"camera"}), False),
 ]
+# In a downtime its components are OK again, and one of them is forgotten: the others recover.
+FORGOTTEN_AFTER_IT_WAS_OK = [
+    (1, ("array", "r1", {"strict": ERROR, "lidar lower": STALE}), False),
+    (90, ("array", "r1", {"motor": ERROR, "lidar upper": WARN}), False),
+    (30, ("downtime", "r1", True), False),
+    (1, ("all_of", "r1", OK), False),
+    (1, ("forget", "r1", "strict"), False),
+    (30, ("downtime", "r1", False), False),
+]
+# Many components, of which one flaps, and two are not reached before they are a fault.
+MANY_OF_WHICH_ONE_FLAPS = [
+    (1, ("array", "r2", {"board": ERROR}), True),
+    (1, ("measure", ["r1", "r2", "r3", "r4"], {"disk": WARN, "memory": WARN}), True),
+    (5, ("own_part", "Alertmanager", ERROR), False),
+    (0, ("flaps", "r2", "motor", 10, 1, WARN), True),
+    (0, ("uplink", ERROR), False),
+]
+# What flaps goes on with less than it began with, after the capability that explained it.
+STILL_FLAPPING_AFTER_ITS_CAPABILITY = [
+    (90, ("flash", "r4", "strict", 9, OK), False),
+    (90, ("flaps", "r4", "strict", 6, 8, WARN), False),
+    (60, ("restart",), False),
+]
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -100,6 +123,9 @@ LOST_BY_A_PART_THAT_WAS_KNOWN = [
 @example(NO_RESERVE_FOR_A_MINUTE)
 @example(ERROR_BEFORE_PLANNED_STALE)
 @example(COMMON_TO_WHAT_OTHERS_DEPEND_ON)
+@example(FORGOTTEN_AFTER_IT_WAS_OK)
+@example(MANY_OF_WHICH_ONE_FLAPS)
+@example(STILL_FLAPPING_AFTER_ITS_CAPABILITY)
 def test_whatever_is_freshly_error_is_a_fault_or_a_lasting_fault_explains_it(history):
     play(history)
 
