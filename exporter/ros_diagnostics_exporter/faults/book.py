@@ -107,6 +107,15 @@ class Book:
         self.touched[problem] = None
         self._touch_capabilities(problem)
 
+    def forget_changes(self, component: ComponentRecord) -> None:
+        """Count no change so far towards its being intermittent, unless that is a fault."""
+        if component.flaps is None or component.is_intermittent:
+            return
+        component.flaps.changed = ()
+        self.write(component)
+        if State.INTERMITTENT in component.problems:
+            self.give_verdict(component.problems[State.INTERMITTENT], Verdict.HEALTHY)
+
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""
         self.touched_causes.update(dict.fromkeys(self.causes.values()))

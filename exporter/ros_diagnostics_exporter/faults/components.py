@@ -173,7 +173,7 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     larger = robot.many.problems or book.causes or robot.settings.uplink
     may_be_said = larger or robot.capabilities or robot.has_dependencies
     if component.has_fault or (may_be_said and suppression.is_reported(book, component, now)):
-        component.forget_changes()  # people know of what explains them
+        book.forget_changes(component)  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
 
 
@@ -187,7 +187,7 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
     if component.has_fault:
-        component.forget_changes()  # people know: warnings may have waited for their hours
+        book.forget_changes(component)  # people know: warnings may have waited for their hours
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
     if State.FLAPPING in component.problems:

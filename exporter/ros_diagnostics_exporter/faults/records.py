@@ -262,11 +262,6 @@ class ComponentRecord(Subject):
         """Whether its trouble is to be over by itself: it boots, or what feeds it is just back."""
         return now.mono < max(self.boots_until, self.returns_until)
 
-    def forget_changes(self) -> None:
-        """Count no change so far towards its being intermittent, unless that is known."""
-        if self.flaps is not None and not self.is_intermittent:
-            self.flaps.changed = ()
-
     @property
     def is_intermittent(self) -> bool:
         """Whether it is confirmed that it changes again and again."""

@@ -489,8 +489,7 @@ def release(book: Book, explainer: Problem, explained: Iterable[Problem], now: I
         if component is not None and problem.component is component:
             continue
         if explainer.fault is not None and problem.component is not None:
-            problem.component.forget_changes()
-            book.write(problem.component)
+            book.forget_changes(problem.component)
         bound = until
         if explainer.fault is None and problem.waits_since is not None:
             bound = min(until, latest(book, problem, now))

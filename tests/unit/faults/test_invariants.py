@@ -114,6 +114,12 @@ STILL_FLAPPING_AFTER_ITS_CAPABILITY = [
     (90, ("flaps", "r4", "strict", 6, 8, WARN), False),
     (60, ("restart",), False),
 ]
+# The changes that an uplink's fault explained count no longer: nothing is intermittent for them.
+INTERMITTENT_BEFORE_ITS_UPLINK = [
+    (1, ("comes_and_goes", "r3", "disk"), False),
+    (1, ("uplink", ERROR), False),
+    (260, ("uplink", OK), False),
+]
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -126,6 +132,7 @@ STILL_FLAPPING_AFTER_ITS_CAPABILITY = [
 @example(FORGOTTEN_AFTER_IT_WAS_OK)
 @example(MANY_OF_WHICH_ONE_FLAPS)
 @example(STILL_FLAPPING_AFTER_ITS_CAPABILITY)
+@example(INTERMITTENT_BEFORE_ITS_UPLINK)
 def test_whatever_is_freshly_error_is_a_fault_or_a_lasting_fault_explains_it(history):
     play(history)
 
