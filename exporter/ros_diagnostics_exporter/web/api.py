@@ -9,9 +9,9 @@ import json
 import math
 import re
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -43,6 +43,7 @@ CROSS_SITE = (
     "domain name for this host; use its address"
 )
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
+T = TypeVar("T")
 
 
 class ApiError(Exception):
@@ -119,10 +120,7 @@ class Api:
         _allow_only(request, "so_far")
         fault = request.path_params["fault"]
         so_far = _choice(request.query_params, "so_far", ("true", "false")) == "true"
-        try:
-            content = await self._workers.run(self._backend.recording, fault, so_far)
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        content = await _found(self._workers, self._backend.recording, fault, so_far)
         name = {"Content-Disposition": f'attachment; filename="{fault}.mcap"'}
         return Response(content, media_type="application/octet-stream", headers=name)
 
@@ -147,16 +145,15 @@ class Api:
         _allow_only(request, "port")
         job, port = request.path_params["job"], _integer(request.query_params, "port", 65535)
         try:
-            found = await self._workers.run(self._backend.targets, job, port)
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+            return _json(await _found(self._workers, self._backend.targets, job, port))
         except ValueError as error:
             raise ApiError(400, str(error)) from error
-        return _json(found)
 
     async def reload(self, request: Request) -> Response:
         """Reload the configuration; 400 with every error if it is invalid."""
-        self._check_allowed(request)
+        if not self._lifecycle:
+            raise ApiError(403, LIFECYCLE_DISABLED)
+        _check_site(request)
         try:
             await self._workers.run(self._backend.reload)
         except ValueError as error:
@@ -168,14 +165,8 @@ class Api:
         """Remove a robot or one of its components; returns the number of components removed."""
         self._check_may_forget(request)
         _allow_only(request, "robot", "component")
-        robot = request.query_params.get("robot")
-        if not robot:
-            raise ApiError(400, "the query must name a robot: /-/forget?robot=NAME")
-        component = request.query_params.get("component")
-        try:
-            removed, passed_on = await self._workers.run(self._backend.forget, robot, component)
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        given = _named_robot(request), request.query_params.get("component")
+        removed, passed_on = await _found(self._workers, self._backend.forget, *given)
         self._workers.invalidate()
         return _json({"forgotten": removed, "passed_on": passed_on})
 
@@ -183,13 +174,8 @@ class Api:
         """Take what the ROS graph shows of a robot as expected; the number of expected nodes."""
         self._check_may_forget(request)
         _allow_only(request, "robot")
-        robot = request.query_params.get("robot")
-        if not robot:
-            raise ApiError(400, "the query must name a robot: /-/watch/accept?robot=NAME")
-        try:
-            expected = await self._workers.run(self._backend.accept_graph, robot)
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        robot = _named_robot(request)
+        expected = await _found(self._workers, self._backend.accept_graph, robot)
         self._workers.invalidate()
         return _json({"expected": expected})
 
@@ -197,32 +183,20 @@ class Api:
         """The history of a robot's faults: why somebody was notified, or nobody."""
         _allow_only(request, "robot", "component", "at")
         query = request.query_params
-        robot = query.get("robot")
-        if not robot:
-            raise ApiError(400, "the query must name a robot: /api/v1/why?robot=NAME")
-        given = robot, query.get("component"), _moment(query, "at")
-        try:
-            return _json(await self._asking.run(self._backend.why, *given))
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        given = _named_robot(request), query.get("component"), _moment(query, "at")
+        return _json(await _found(self._asking, self._backend.why, *given))
 
     async def capabilities(self, request: Request) -> Response:
         """What a robot or the fleet can do: the expressions of fleet.yml with their states."""
         _allow_only(request, "robot")
         robot = request.query_params.get("robot")
-        try:
-            return _json(await self._workers.run(self._backend.capabilities, robot))
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        return _json(await _found(self._workers, self._backend.capabilities, robot))
 
     async def missions(self, request: Request) -> Response:
         """How the goals of a robot, or of all robots, ended."""
         _allow_only(request, "robot")
         robot = request.query_params.get("robot")
-        try:
-            return _json(await self._workers.run(self._backend.missions, robot))
-        except LookupError as error:
-            raise ApiError(404, _text(error)) from error
+        return _json(await _found(self._workers, self._backend.missions, robot))
 
     async def notifications(self, request: Request) -> Response:
         """Record what Alertmanager's webhook sends; the numbers recorded and ignored."""
@@ -260,11 +234,21 @@ class Api:
             raise ApiError(403, FORGET_DISABLED)
         _check_site(request)
 
-    def _check_allowed(self, request: Request) -> None:
-        """Raise ApiError if the lifecycle API is disabled, or for a cross-site request."""
-        if not self._lifecycle:
-            raise ApiError(403, LIFECYCLE_DISABLED)
-        _check_site(request)
+
+async def _found(workers: Workers, function: Callable[..., T], *arguments: Any) -> T:
+    """What the backend answers; ApiError where there is no such robot, fault or job."""
+    try:
+        return await workers.run(function, *arguments)
+    except LookupError as error:
+        # str() of a KeyError would put the sentence in quotes.
+        raise ApiError(404, str(error.args[0]) if error.args else "not found") from error
+
+
+def _named_robot(request: Request) -> str:
+    robot = request.query_params.get("robot")
+    if not robot:
+        raise ApiError(400, f"the query must name a robot: {request.url.path}?robot=NAME")
+    return robot
 
 
 def _check_site(request: Request) -> None:
@@ -378,8 +362,3 @@ def _encode(content: Any) -> bytes:
 
 def _json_bytes(body: bytes, status: int = 200) -> Response:
     return Response(body, status, media_type="application/json")
-
-
-def _text(error: LookupError) -> str:
-    """The sentence of ``error``; str() of a KeyError would put it in quotes."""
-    return str(error.args[0]) if error.args else "not found"
