@@ -5,7 +5,7 @@ or in the file of its part, as a field that is `described`; what loads, checks a
 follows from that.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import starmap
@@ -329,6 +329,11 @@ class Fleet(Entry, title="FleetFile"):
     shard: Shard | None = None  # of the exporters that share the file: `part`
 
     @property
+    def entries(self) -> "tuple[Robot | Discovery | Shared, ...]":
+        """All that robots are of: declared ones, what finds them, and topics that they share."""
+        return (*self.robots, *self.discoveries, *self.shared)
+
+    @property
     def together(self) -> str:
         """The name by which exporters judge what concerns robots of several of them."""
         return self.exporter if self.shard is None else self.shard.together
@@ -339,13 +344,8 @@ class Fleet(Entry, title="FleetFile"):
 
     def part(self, shard: Shard) -> "Fleet":
         """What the exporter of a shard has of the fleet, by a name of its own."""
-        entries: Iterable[Robot | Discovery | Shared]
-        entries = (*self.robots, *self.discoveries, *self.shared)
-        own = replace(
-            shard,
-            together=self.exporter or "shard",
-            uplinks=frozenset(each.labels["uplink"] for each in entries if "uplink" in each.labels),
-        )
+        uplinks = (each.labels["uplink"] for each in self.entries if "uplink" in each.labels)
+        own = replace(shard, together=self.exporter or "shard", uplinks=frozenset(uplinks))
         others = [each for each in self.robots if not own.has(each.name)]
         topics = [(each.domain_id, topic) for each in others for topic in each.topics]
         return replace(
@@ -358,13 +358,10 @@ class Fleet(Entry, title="FleetFile"):
     @property
     def longest_confirm_after(self) -> float:
         """The longest time, in seconds, after which anything that is wrong is a fault."""
-        profiles = [each.profile for each in self.robots]
-        profiles += [each.profile for each in self.discoveries]
-        profiles += [each.profile for each in self.shared]
         found = [self.faults.confirm_after]
-        for profile in profiles:
-            found.append(profile.confirm_after)
-            found += (rule.confirm_after or 0.0 for rule in profile.components)
+        for each in self.entries:
+            found.append(each.profile.confirm_after)
+            found += (rule.confirm_after or 0.0 for rule in each.profile.components)
         found += (query.confirm_after or 0.0 for query in self.queries)
         return max(found)
 

@@ -88,10 +88,7 @@ def _entries(placed: Placed[Profile], key: str) -> Iterator[tuple[int, dict[str,
 
 def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
     """A downtime that selects by a label that no robot has is never active."""
-    known = {"robot", "fleet"}
-    known.update(*(each.labels for each in fleet.robots))
-    known.update(*(each.labels for each in fleet.discoveries))
-    known.update(*(each.labels for each in fleet.shared))
+    known = {"robot", "fleet"}.union(*(each.labels for each in fleet.entries))
     for placed in checked.maintenance:
         for label in placed.entry.selector:
             if label not in known:
@@ -103,8 +100,7 @@ def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
 def _uplinks_of_no_entry(checked: Checked) -> Iterator[Finding]:
     """An uplink that is no entry of its own is not pinged, and explains no silence."""
     known = {each.entry.name for each in checked.robots}
-    entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
-    for placed in entries:
+    for placed in checked.entries:
         uplink = placed.entry.labels.get("uplink")
         if uplink is not None and uplink not in known:
             known.add(uplink)  # once is enough
@@ -139,7 +135,7 @@ def _topics_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
 
 
 def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
-    if not (fleet.robots or fleet.discoveries or fleet.shared):
+    if not fleet.entries:
         what = "no robots, discovery or shared topics, so there is nothing to watch"
         yield checked.document.problem(
             (), what, 'add discovery: [{topic: "/{robot}/diagnostics_agg"}]'

@@ -29,8 +29,6 @@ QUERY_INTERVALS = 5.0, 30.0  # seconds, the shortest and the longest
 MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
-LEAST_CANARY = 60  # seconds between two canaries
-MOST_RECORDED = 600  # seconds of a recording before or after the begin of its fault
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 NAME = r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*"  # of a node, or a topic
@@ -112,34 +110,17 @@ def positive_duration(value: Any) -> float:
     return seconds
 
 
-def canary_interval(value: Any) -> float:
-    """A duration of a minute or more, in seconds."""
-    seconds = duration(value)
-    if seconds < LEAST_CANARY:
-        raise WrongValueError(
-            f"{quoted(value)} is too often for a canary",
-            "use 1m or more, such as 5m; omit it for none",
-        )
-    return seconds
+def _within(least: float, most: float, what: str, remedy: str) -> Value:
+    """A duration from ``least`` to ``most`` seconds; ``what`` is said of any other."""
 
+    def made(value: Any) -> float:
+        seconds = duration(value)
+        if not least <= seconds <= most:
+            raise WrongValueError(f"{quoted(value)} {what}", remedy)
+        return seconds
 
-def recorded_time(value: Any) -> float:
-    """A duration of ten minutes or less, in seconds."""
-    seconds = duration(value)
-    if seconds > MOST_RECORDED:
-        raise WrongValueError(
-            f"{quoted(value)} is more than a recording may have", "use 10m or less, such as 2m"
-        )
-    return seconds
-
-
-def query_interval(value: Any) -> float:
-    """A duration of 5 to 30 seconds."""
-    seconds = duration(value)
-    if not QUERY_INTERVALS[0] <= seconds <= QUERY_INTERVALS[1]:
-        what = f"{quoted(value)} is not between 5s and 30s"
-        raise WrongValueError(what, "use 15s, or omit it")
-    return seconds
+    limits = {"minimum": least} if most == inf else {"minimum": least, "maximum": most}
+    return Value(made, "duration", anyOf=_seconds(**limits))
 
 
 def domain_id(value: Any) -> int:
@@ -352,18 +333,14 @@ PositiveDuration = Annotated[
     float, Value(positive_duration, "duration", anyOf=_seconds(exclusiveMinimum=0))
 ]
 CanaryInterval = Annotated[
-    float, Value(canary_interval, "duration", anyOf=_seconds(minimum=LEAST_CANARY))
+    float,
+    _within(60, inf, "is too often for a canary", "use 1m or more, such as 5m; omit it for none"),
 ]
 RecordedTime = Annotated[
-    float, Value(recorded_time, "duration", anyOf=_seconds(minimum=0, maximum=MOST_RECORDED))
+    float, _within(0, 600, "is more than a recording may have", "use 10m or less, such as 2m")
 ]
 QueryInterval = Annotated[
-    float,
-    Value(
-        query_interval,
-        "duration",
-        anyOf=_seconds(minimum=QUERY_INTERVALS[0], maximum=QUERY_INTERVALS[1]),
-    ),
+    float, _within(*QUERY_INTERVALS, "is not between 5s and 30s", "use 15s, or omit it")
 ]
 DomainId = Annotated[Domain, Value(domain_id, "DDS domain", **_ID)]
 DomainIds = Annotated[

@@ -86,6 +86,11 @@ class Checked:
     maintenance: list[Placed[Maintenance]]
     queries: list[Placed[Query]]
 
+    @property
+    def entries(self) -> list[Placed[Any]]:
+        """All that robots are of."""
+        return [*self.robots, *self.discovery, *self.shared]
+
 
 MAX_QUERIES = 100  # each has a thread
 _WAY_OUT = (
@@ -116,8 +121,7 @@ def find_conflicts(
 
 def find_unreached(checked: Checked) -> Iterator[Finding]:
     """Entries that need zenoh; of a config that does not say how to reach it."""
-    entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
-    for placed in entries:
+    for placed in checked.entries:
         if placed.entry.zenoh is not None:
             remedy = "add zenoh: {routers: [tcp/centre:7447]} to the file"
             yield placed.problem(

@@ -207,10 +207,7 @@ def _faults_changed(old: FaultSettings, new: FaultSettings) -> Iterator[str]:
 
 
 def _profiles(fleet: Fleet) -> dict[str, Profile]:
-    used = [each.profile for each in fleet.robots]
-    used += [each.profile for each in fleet.discoveries]
-    used += [each.profile for each in fleet.shared]
-    return {**{each.name: each for each in used}, **fleet.profiles}
+    return {**{each.profile.name: each.profile for each in fleet.entries}, **fleet.profiles}
 
 
 def _profile_changed(old: Profile, new: Profile) -> Iterator[str]:
