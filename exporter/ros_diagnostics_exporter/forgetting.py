@@ -56,7 +56,7 @@ class Forgetting:
             return False
         return True
 
-    def follow(self, now: Instant) -> None:
+    def forget_passed_on(self, now: Instant) -> None:
         """Forget what a person has others forget, if its trouble is older than that."""
         passed_on = set() if self._alertmanager is None else set(self._alertmanager.forgotten)
         for forgotten in passed_on - self._known:

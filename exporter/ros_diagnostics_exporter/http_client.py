@@ -91,12 +91,7 @@ class Client:
         Raises:
             UnreachableError: No response, or the server is not an exporter.
         """
-        query = urllib.parse.urlencode([("robot", name) for name in robots])
-        path = "/api/v1/fleet" + (f"?{query}" if query else "")
-        fleet = self.get(path)
-        if not isinstance(fleet, dict) or "robots" not in fleet:
-            raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
-        return fleet
+        return self.ask("/api/v1/fleet", "robots", robot=robots or None)
 
     def events(self, since: str, **wanted: str) -> Iterator[dict[str, Any]]:
         """The events that are not older than ``since``, as "10m", the newest first.
@@ -108,14 +103,24 @@ class Client:
         """
         query = {**wanted, "since": since, "limit": "10000"}
         while True:
-            path = "/api/v1/events?" + urllib.parse.urlencode(query)
-            page = self.get(path)
-            if not isinstance(page, dict) or "events" not in page:
-                raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
+            page = self.ask("/api/v1/events", "events", **query)
             yield from page["events"]
             if "next" not in page:
                 return
             query["before"] = str(page["next"])
+
+    def ask(self, path: str, *keys: str, **query: str | tuple[str, ...] | None) -> dict[str, Any]:
+        """The exporter's answer at ``path``, which has these keys; ``query`` None is not given.
+
+        Raises:
+            UnreachableError: No response, or the server is not an exporter.
+        """
+        given = {name: value for name, value in query.items() if value is not None}
+        path += f"?{urllib.parse.urlencode(given, doseq=True)}" if given else ""
+        found = self.get(path)
+        if not isinstance(found, dict) or not found.keys() >= {*keys}:
+            raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
+        return found
 
     def get(self, path: str, *, limit: int = LIMIT) -> Any:
         """The JSON at ``path``; None for an empty response.

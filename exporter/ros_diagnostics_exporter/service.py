@@ -193,7 +193,7 @@ class Service:
             alertmanager.update(self.state.fleet.name, read_clocks())
             if alertmanager.downtimes is not None:
                 self.state.plan(alertmanager.downtimes, read_clocks())
-            self._forgetting.follow(read_clocks())
+            self._forgetting.forget_passed_on(read_clocks())
             self._adopt(alertmanager)
         finally:
             self._asked.set()
@@ -207,7 +207,7 @@ class Service:
             return
         if now.mono >= self._forget_at:
             self._forget_at = now.mono + self.FORGET
-            self._recordings.follow(*self.state.received())
+            self._recordings.keep_only(*self.state.received())
         self._recordings.turn(now)
 
     @property
@@ -288,10 +288,6 @@ class Service:
             ConfigError: the config cannot be used, or it takes too long to read.
         """
         self.reloader.reload(why)
-
-    def request_reload(self, why: str) -> None:
-        """Have the config read again soon; the log says how that ends."""
-        self.reloader.request(why)
 
     def _readers(self) -> tuple[ConfigReader, ...]:
         """What follows fleet.yml: the state first, which the sources report to."""

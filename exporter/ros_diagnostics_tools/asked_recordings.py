@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_tools.backtest.fault_recording import FaultRecording
 from ros_diagnostics_tools.backtest.fault_recording import read as read_fault_recording
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings, RecordingSource
-from ros_diagnostics_tools.yaml_nodes import get, scalar
+from ros_diagnostics_tools.yaml_nodes import get, made, scalar
 
 MOST_STATUSES = 100  # of the component, each with another level or message than the one before
 SECONDS = 120  # for a back-test
@@ -119,11 +119,11 @@ def with_confirm_after(config: str, duration: str) -> str:
     if not isinstance(root, yaml.MappingNode):
         raise NotAskedError("the fleet.yml in the recording is no mapping")
     if get(root, "profiles") is None:
-        root.value.append((_node("profiles"), _node({"default": {}})))
+        root.value.append((made("profiles"), made({"default": {}})))
     for _name, profile in get(root, "profiles").value:
         _set(profile, duration)
         if isinstance(profile, yaml.MappingNode) and get(profile, _SETTING) is None:
-            profile.value.append((_node(_SETTING), _node(duration)))
+            profile.value.append((made(_SETTING), made(duration)))
     text: str = yaml.serialize(root, Dumper=yaml.BaseDumper, allow_unicode=True)
     return text
 
@@ -135,12 +135,7 @@ def _set(node: yaml.Node, duration: str) -> None:
             _set(each, duration)
     elif isinstance(node, yaml.MappingNode):
         node.value = [
-            (key, _node(duration) if scalar(key) == _SETTING else value)
-            for key, value in node.value
+            (key, made(duration) if scalar(key) == _SETTING else value) for key, value in node.value
         ]
         for _key, value in node.value:
             _set(value, duration)
-
-
-def _node(data: Any) -> Any:
-    return yaml.compose(yaml.safe_dump(data), Loader=yaml.BaseLoader)

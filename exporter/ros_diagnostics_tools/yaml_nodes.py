@@ -13,6 +13,14 @@ def get(node: yaml.Node | None, key: str) -> Any:
     return next((value for name, value in pairs if scalar(name) == key), None)
 
 
+def made(data: Any) -> Any:
+    """Plain data as a node; lists and mappings of nothing but scalars in one line."""
+    text = yaml.safe_dump(
+        data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=10_000
+    )
+    return yaml.compose(text, Loader=yaml.BaseLoader)
+
+
 def items(node: yaml.Node | None) -> list[Any]:
     """The nodes of a list; none of anything else."""
     return list(node.value) if isinstance(node, yaml.SequenceNode) else []

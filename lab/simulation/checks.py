@@ -8,7 +8,7 @@ from typing import Any
 
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_tools.backtest.ledger import identity
+from ros_diagnostics_tools.backtest.history import identity
 from simulation.can import leaves_of_all
 from simulation.capabilities import Capabilities
 from simulation.larger import LargerCauses

@@ -22,11 +22,6 @@ class Spell(NamedTuple):
     until: float | None
 
 
-def labels_of(event: dict[str, Any]) -> dict[str, str]:
-    """The labels of an event's fault; those that do not apply are ""."""
-    return {name: event.get(name, "") for name in LABELS}
-
-
 def fault_key(fault: dict[str, Any]) -> tuple[Any, ...]:
     """What tells one time that a fault lasted from all others."""
     return tuple(fault[name] for name in (*LABELS, "since"))
@@ -54,7 +49,7 @@ def occurrences(
     for event in sorted(events, key=lambda each: (each["time"], each["id"])):
         if event["kind"] not in KINDS or event.get("since") is None:
             continue
-        labels = labels_of(event)
+        labels = {name: event.get(name, "") for name in LABELS}
         fault = found.setdefault((*labels.values(), event["since"]), _new(labels, event["since"]))
         _add(fault, event)
     return sorted(found.values(), key=lambda each: -each["since"])

@@ -8,14 +8,13 @@ from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.api.capabilities import fleet_capabilities
-from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
+from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.links import filled
 from ros_diagnostics_exporter.faults.model import (
     CapabilityView,
     ComponentName,
     Followed,
-    Identity,
     ProblemView,
     as_texts,
     fault_id,
@@ -73,12 +72,8 @@ class Care:
 
 
 def _acknowledgement(acknowledgement: Acknowledgement) -> dict[str, Any]:
-    return {
-        "author": acknowledgement.author,
-        "comment": acknowledgement.comment,
-        "at": acknowledgement.at,
-        "until": acknowledgement.until,
-    }
+    shown = ("author", "comment", "at", "until")
+    return {name: getattr(acknowledgement, name) for name in shown}
 
 
 NOBODY = Care()
@@ -167,15 +162,11 @@ def faults(state: FleetState, now: Instant, care: Care = NOBODY) -> dict[str, An
                 "details": dict(fault.details),
                 "capabilities_text": fault.capabilities,
                 "labels": dict(fault.labels),
-                **care.of(_id(state.fleet, fault.identity), identity, fault.since),
+                **care.of(fault_id(state.fleet, fault.identity), identity, fault.since),
             }
             for fault in lasting
         ],
     }
-
-
-def _id(fleet: Fleet, identity: Identity) -> str:
-    return fault_id(fleet, identity)
 
 
 def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
@@ -194,7 +185,9 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
         "details": {} if fault is None else dict(fault.details),
         "capabilities_text": "" if fault is None else fault.capabilities,
         **(
-            _NO_CARE if fault is None else care.of(_id(fleet, view.identity), identity, fault.since)
+            _NO_CARE
+            if fault is None
+            else care.of(fault_id(fleet, view.identity), identity, fault.since)
         ),
     }
 
@@ -379,15 +372,8 @@ def _values(component: Component) -> Iterator[dict[str, Any]]:
         is_unread = not numbers and not component.is_stale
         rule = component.values.rule_of(key) if value is not None or is_unread else None
         if rule is not None and rule.thresholds:
-            shown["thresholds"] = _thresholds(rule)
+            shown["thresholds"] = [asdict(each) for each in rule.thresholds]
         yield shown
-
-
-def _thresholds(rule: ValueRule) -> list[dict[str, Any]]:
-    return [
-        {"bound": each.bound, "severity": each.severity, "value": each.value}
-        for each in rule.thresholds
-    ]
 
 
 def _finite(number: float) -> float | None:

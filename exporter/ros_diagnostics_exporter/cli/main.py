@@ -227,7 +227,7 @@ def _serve(
                 raise WebEndedError  # without it nobody sees the faults; systemd restarts us
             if reload.is_set():
                 reload.clear()
-                service.request_reload("SIGHUP")
+                service.reloader.request("SIGHUP")
             if not server.hangs and service.hanging_reason() is None:
                 watchdog.beat()
     finally:

@@ -164,8 +164,8 @@ class Robot(Entry):
         _not_both("domain_id", given)
         topic = self.topic and self.zenoh + self.topic
         namespace = self.zenoh + self.namespace
-        behind = replace(self, domain_id=ZENOH, topic=topic, namespace=namespace)
-        return behind.reading(self.source)
+        connected = replace(self, domain_id=ZENOH, topic=topic, namespace=namespace)
+        return connected.reading(self.source)
 
     def reading(self, source: Source) -> "Robot":
         """The robot with its topics as they are for a source."""

@@ -144,14 +144,14 @@ class FaultRecordings:
         due = now.mono + self._settings.after
         self._waiting.append(Waiting(fault, event, self._settings, topics, due))
 
-    def follow(self, topics: set[Topic], robots: set[str]) -> None:
+    def keep_only(self, topics: set[Topic], robots: set[str]) -> None:
         """Forget what was received that is neither of these topics nor of these robots.
 
         A recording that is under way has what it began with.
         """
         waiting = list(self._waiting)
         topics = topics | {topic for each in waiting for topic in each.topics}
-        self.rings.follow(topics, robots | {each.event.robot for each in waiting})
+        self.rings.keep_only(topics, robots | {each.event.robot for each in waiting})
 
     def turn(self, now: Instant) -> None:
         """Compress what was received, and write the recordings that are complete.

@@ -122,7 +122,7 @@ class Rings:
         """What was received of a robot beside its diagnostics."""
         return {each: ring for each, ring in self._rings.items() if each.robot == robot}
 
-    def follow(self, topics: set[Topic], robots: set[str]) -> None:
+    def keep_only(self, topics: set[Topic], robots: set[str]) -> None:
         """Forget what is neither of these topics of diagnostics nor of these robots."""
         for each in list(self._rings):
             if each.robot not in robots if each.robot else each.topic not in topics:

@@ -88,7 +88,7 @@ def read(message: Any, path: str, constants: Constants) -> Iterator[FieldValue]:
     Raises:
         NoFieldError: there is no such field.
     """
-    for label, owner, name, value in _follow(message, _steps(path), ""):
+    for label, owner, name, value in _walk(message, _steps(path), ""):
         yield _value(label, owner, name, value, constants)
 
 
@@ -97,7 +97,7 @@ def _steps(path: str) -> tuple[tuple[str, str], ...]:
     return tuple((name, index) for name, index in _STEP.findall(path))
 
 
-def _follow(
+def _walk(
     message: Any, steps: Sequence[tuple[str, str]], label: str
 ) -> Iterator[tuple[str, Any, str, Any]]:
     """(label, the message that has it, name, value) of each field at the end of a path.
@@ -108,7 +108,7 @@ def _follow(
     for more, value in _elements(message, name, index):
         both = f"{label} {more}".strip()
         if rest and value is not None:
-            yield from _follow(value, rest, both)
+            yield from _walk(value, rest, both)
         else:
             yield both, message, name, value
 

@@ -83,7 +83,7 @@ class Actions:
             await self._asking.run(self._backend.acknowledge, fault, form.person)
             return f"../faults/{quote(fault, safe='')}?done=acknowledged"
 
-        return await self._follow(request, {"fault", "comment"}, act)
+        return await self._act(request, {"fault", "comment"}, act)
 
     async def downtime(self, request: Request) -> Response:
         """Plan a downtime of a robot or component, with ``robot``, ``component``, ``for``.
@@ -100,7 +100,7 @@ class Actions:
             await self._asking.run(self._backend.plan_downtime, *given, form.person)
             return f"../robots/{quote(robot, safe='')}?done=downtime"
 
-        return await self._follow(request, {"robot", "component", "from", "for", "comment"}, act)
+        return await self._act(request, {"robot", "component", "from", "for", "comment"}, act)
 
     async def cancel_downtime(self, request: Request) -> Response:
         """End a downtime, with ``robot``, ``component``, and ``until`` when it lasts, Unix time."""
@@ -113,9 +113,9 @@ class Actions:
             await self._asking.run(self._backend.cancel_downtime, *given, form.person)
             return f"../robots/{quote(robot, safe='')}?done=cancelled"
 
-        return await self._follow(request, {"robot", "component", "until", "comment"}, act)
+        return await self._act(request, {"robot", "component", "until", "comment"}, act)
 
-    async def _follow(
+    async def _act(
         self, request: Request, names: set[str], act: Callable[[_Form], Awaitable[str]]
     ) -> Response:
         """Check the form, do what it says, and lead to the page that shows it."""

@@ -315,8 +315,8 @@ def _worst_first(entry: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     state, robot = entry
     suppressed = [each["suppressed"] is not None for each in robot["problems"]]
     confirmed = any(each["confirmed"] is not None for each in robot["problems"])
-    explained = bool(suppressed) and all(suppressed) and not confirmed
-    return explained, -SEVERITIES[state], not confirmed, natural(robot["robot"])
+    all_suppressed = bool(suppressed) and all(suppressed) and not confirmed
+    return all_suppressed, -SEVERITIES[state], not confirmed, natural(robot["robot"])
 
 
 def _troubled(state: str, robot: dict[str, Any], now: float) -> _Troubled:

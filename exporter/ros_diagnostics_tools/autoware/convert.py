@@ -7,7 +7,6 @@ ERROR. What always has the same level is left out where that makes no difference
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
@@ -20,6 +19,7 @@ from ros_diagnostics_exporter.config import capabilities
 from ros_diagnostics_exporter.config.errors import quoted
 from ros_diagnostics_tools.autoware.graph import CONSTANTS, LISTS, REMAPS, Graph, GraphError, Unit
 from ros_diagnostics_tools.autoware.names import names_of
+from ros_diagnostics_tools.names import escaped
 
 _FORMS = {
     **dict.fromkeys(LISTS, "all"),
@@ -27,7 +27,6 @@ _FORMS = {
     "warn-to-ok": "degraded_is_ok",
     "warn-to-error": "degraded_is_lost",
 }
-_SPECIAL, _ESCAPED = re.compile(r"[][\\.+*?(){}|^$]"), r"\\\g<0>"  # of RE2
 # Why a key of a unit has no equivalent.
 _KEYS = {
     "latch": "a fault ends when its parts are received better; nothing has to be reset",
@@ -324,4 +323,4 @@ def _timeout(unit: Unit) -> float | None:
 
 def _component(name: str) -> dict[str, str]:
     """The pattern of a component's whole name."""
-    return {"regex": f"^{_SPECIAL.sub(_ESCAPED, name)}$"}
+    return {"regex": f"^{escaped(name)}$"}

@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings, Fleet, Profile
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_tools.backtest import words
-from ros_diagnostics_tools.backtest.ledger import Notification
+from ros_diagnostics_tools.backtest.history import Notification
 from ros_diagnostics_tools.backtest.replay import Result
 
 SAME = 0.5  # seconds by which two notifications may differ and are at the same time
@@ -229,18 +229,13 @@ def as_json(
     comparison: Comparison, until: float, one: Callable[..., dict[str, Any]]
 ) -> dict[str, Any]:
     """The comparison as JSON values; ``one`` makes them of a notification."""
-
-    def listed(notifications: list[Notification]) -> list[dict[str, Any]]:
-        return [one(each, until) for each in notifications]
-
     return {
         "settings": comparison.settings,
         "notifications": {"before": comparison.before, "after": comparison.after},
-        "fewer": listed(comparison.fewer),
-        "covered": listed(comparison.covered),
-        "missed": listed(comparison.missed),
-        "unknown": listed(comparison.unknown),
-        "more": listed(comparison.more),
+        **{
+            name: [one(each, until) for each in getattr(comparison, name)]
+            for name in ("fewer", "covered", "missed", "unknown", "more")
+        },
         "later": [{**one(each, until), "by": seconds} for each, seconds in comparison.later],
         "earlier": [{**one(each, until), "by": seconds} for each, seconds in comparison.earlier],
         "words": in_words(comparison),

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.formats import RecordingError
-from ros_diagnostics_tools.backtest.ledger import confirm_after
+from ros_diagnostics_tools.backtest.history import confirm_after
 from ros_diagnostics_tools.backtest.mcap import DamageError, McapFile
 from ros_diagnostics_tools.backtest.replay import Result
 

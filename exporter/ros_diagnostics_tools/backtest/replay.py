@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.formats import Fields
-from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
+from ros_diagnostics_tools.backtest.history import History, Notification, Outage
 from ros_diagnostics_tools.backtest.measured import Past
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 from ros_diagnostics_tools.backtest.small_topics import SmallTopics, small_topics
@@ -73,7 +73,7 @@ class Replay:
         self._now = self._instant(self._begin)
         self._last = self._begin
         self.state = FleetState(self.fleet, self._now)
-        self.ledger = Ledger()
+        self.history = History()
         self._restarts = Restarts()
         self._small = SmallTopics()
         self._observe, self._each_tick = observe, each_tick
@@ -118,7 +118,7 @@ class Replay:
         self._note(now)
 
     def _note(self, now: Instant) -> None:
-        self.ledger.note(self.state)
+        self.history.note(self.state)
         if self._observe is not None:
             self._observe(self.state, now)
 
@@ -129,7 +129,7 @@ class Replay:
             self.past.deliver(self.state, self._now.wall, self._instant)
             self._small.deliver(self.state, self._now)
             self.state.tick(self._now)
-            self.ledger.note(self.state)
+            self.history.note(self.state)
             if self._each_tick is not None:
                 self._each_tick(self.state, self._now)
             if self._now.wall >= self._look_at:
@@ -145,7 +145,7 @@ class Replay:
             self.state.update_graph(domain_id, endpoints, self._now)
         self._small.enter(self.state)
         self._look()
-        self.ledger.note(self.state)
+        self.history.note(self.state)
 
     def _skip(self, wall: float) -> None:
         """Leave out the rest of a long time without messages, as where a clock was set."""
@@ -187,8 +187,8 @@ class Replay:
             unknown=tuple(sorted(self._unknown())),
             undecodable=self._undecodable,
             reason=self._reason,
-            notifications=self.ledger.notifications,
-            outages=self.ledger.outages(self.state, self._last),
+            notifications=self.history.notifications,
+            outages=self.history.outages(self.state, self._last),
         )
 
     def _unknown(self) -> Iterator[str]:

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ros_diagnostics_exporter.texts import natural, one_line
 from ros_diagnostics_tools.backtest import words
-from ros_diagnostics_tools.backtest.ledger import IDENTITY, Notification, Outage
+from ros_diagnostics_tools.backtest.history import IDENTITY, Notification, Outage
 from ros_diagnostics_tools.backtest.replay import Result
 from ros_diagnostics_tools.terminal import make_table, plain
 

@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_tools.backtest import words
-from ros_diagnostics_tools.backtest.ledger import confirm_after
+from ros_diagnostics_tools.backtest.history import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result
 from ros_diagnostics_tools.names import escaped
 

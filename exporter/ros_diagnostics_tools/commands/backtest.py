@@ -27,7 +27,7 @@ from ros_diagnostics_tools.backtest.event_log import is_event_log
 from ros_diagnostics_tools.backtest.fault_recording import FaultRecording, too_short
 from ros_diagnostics_tools.backtest.fault_recording import read as read_fault_recording
 from ros_diagnostics_tools.backtest.formats import RecordingError
-from ros_diagnostics_tools.backtest.ledger import confirm_after
+from ros_diagnostics_tools.backtest.history import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
-from urllib.parse import urlencode
 
 import click
 from rich.console import Console
@@ -34,9 +33,8 @@ _INDENT = "  "
 @with_servers
 def command(servers: Servers, output: str, robot: str | None) -> None:
     """Show what ROBOT, or the fleet, can do, and which part that fails would lose what."""
-    query = "" if robot is None else f"?{urlencode({'robot': robot})}"
-    path = f"/api/v1/capabilities{query}"
-    found = servers.exporter.get(path)
+    path = "/api/v1/capabilities"
+    found = servers.exporter.ask(path, "capabilities", robot=robot)
     try:
         known = Known.of(found["capabilities"])
     except (KeyError, TypeError) as error:

@@ -9,12 +9,9 @@ import click
 from rich.console import Console
 
 from ros_diagnostics_exporter.fleet_texts import clock, span
-from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import problem_state, subject
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_table, print_json, with_output
-
-PATH = "/api/v1/faults"
 
 
 @click.command(epilog="Example: ros-diagnostics faults --robot 'arm_*' --output json")
@@ -29,9 +26,7 @@ PATH = "/api/v1/faults"
 @with_servers
 def command(servers: Servers, output: str, robot: str) -> None:
     """List the faults (confirmed problems) that last, the oldest first."""
-    found = servers.exporter.get(PATH)
-    if not isinstance(found, dict) or "faults" not in found:
-        raise UnreachableError(f"{servers.exporter.url}{PATH} is not a ROS diagnostics exporter")
+    found = servers.exporter.ask("/api/v1/faults", "faults")
     faults = [each for each in found["faults"] if fnmatch.fnmatchcase(each["robot"], robot)]
     if output == "json":
         print_json({**found, "faults": faults})

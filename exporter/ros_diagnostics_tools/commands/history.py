@@ -83,7 +83,7 @@ def _show_week(servers: Servers, output: str, robot: str) -> None:
     fleet = exporter.fleet()
     known = _known(fleet, robot)
     now = fleet["time"]
-    begin = exporter.get("/api/v1/faults")["events_since"]
+    begin = exporter.ask("/api/v1/faults", "events_since")["events_since"]
     since = max(now - WEEK, now if begin is None else begin)
     events = {each["id"]: each for each in exporter.events(str(since), robot=robot)}
     for kind in ("fault_began", "fault_ended"):  # one that began before the week may last

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
-from urllib.parse import urlencode
 
 import click
 from rich.console import Console
@@ -39,7 +38,7 @@ def command(servers: Servers, output: str, robot: str | None) -> None:
     After a goal that was aborted, the other problems of that moment are counted.
     """
     wanted = {} if robot is None else {"robot": robot}
-    found = servers.exporter.get(f"/api/v1/missions?{urlencode(wanted)}".rstrip("?"))
+    found = servers.exporter.ask("/api/v1/missions", "robots", **wanted)
     events = [
         event for kind in MOMENTS for event in servers.exporter.events(SINCE, kind=kind, **wanted)
     ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from ros_diagnostics_tools.errors import NO, UnusableError
 from ros_diagnostics_tools.flag_types import PATH, NamedPair
 from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
-from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
+from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, notified_here
 from ros_diagnostics_tools.nagios.comparison.notice import Notice
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
@@ -133,7 +133,7 @@ def _compare(
 ) -> int:
     since, until = _span(options, theirs, events)
     compared = [each for each in theirs.notices if each.robot in robots]
-    here = follow(events, {each.about for each in compared}, dict(options.service))
+    here = notified_here(events, {each.about for each in compared}, dict(options.service))
     wide = since - options.within, until + options.within
     found = compare(
         _within(compared, *wide),
@@ -199,20 +199,10 @@ def _notes(
 def _content(differences: Differences) -> dict[str, Any]:
     return {
         "same": len(differences.pairs),
-        "only_in_nagios": [_fields(each) for each in differences.only_in_nagios],
-        "only_here": [_fields(each) for each in differences.only_here],
-        "late": [{**_fields(each.nagios), "later_here": each.later} for each in differences.late],
-        "explained": [{**_fields(each), "here": one.name} for each, one in differences.explained],
-    }
-
-
-def _fields(notice: Notice) -> dict[str, Any]:
-    return {
-        "time": notice.time,
-        "robot": notice.robot,
-        "service": notice.service,
-        "state": notice.state,
-        "detail": notice.detail,
+        "only_in_nagios": [asdict(each) for each in differences.only_in_nagios],
+        "only_here": [asdict(each) for each in differences.only_here],
+        "late": [{**asdict(each.nagios), "later_here": each.later} for each in differences.late],
+        "explained": [{**asdict(each), "here": one.name} for each, one in differences.explained],
     }
 
 

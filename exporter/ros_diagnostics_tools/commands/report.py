@@ -15,7 +15,7 @@ import click
 from ros_diagnostics_exporter.api.occurrences import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.events import MOMENTS
-from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_tools.flag_types import PATH, Address
 from ros_diagnostics_tools.report.availability import DAY, Recorded
 from ros_diagnostics_tools.report.numbers import DAYS, numbers
@@ -107,9 +107,7 @@ def _ask(servers: Servers, prometheus: Client, until: datetime, target: float) -
         UnreachableError: The exporter or Prometheus does not answer.
     """
     exporter, end = servers.exporter, until.timestamp()
-    lasting = exporter.get("/api/v1/faults")
-    if not isinstance(lasting, dict) or "faults" not in lasting:
-        raise UnreachableError(f"{exporter.url} is not a ROS diagnostics exporter")
+    lasting = exporter.ask("/api/v1/faults", "faults")
     since = str(end - 2 * DAYS * DAY - BEFORE)
     events = [each for kind in KINDS for each in exporter.events(since, kind=kind)]
     week = str(end - DAYS * DAY)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from datetime import datetime
 from typing import Any
-from urllib.parse import urlencode
 
 import click
 from rich.text import Text
 
 from ros_diagnostics_exporter.fleet_texts import clock
-from ros_diagnostics_exporter.http_client import AnsweredError, UnreachableError
+from ros_diagnostics_exporter.http_client import AnsweredError
 from ros_diagnostics_tools.names import meant, no_robot
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
@@ -46,17 +45,14 @@ def command(
         component = meant(
             component, (each["component"] for of in known for each in of["components"])
         )
-    query = {"robot": robot, "component": component, "at": moment}
-    path = f"/api/v1/why?{urlencode({key: text for key, text in query.items() if text})}"
+    query = {"robot": robot, "component": component or None, "at": moment}
     try:
-        found = servers.exporter.get(path)
+        found = servers.exporter.ask("/api/v1/why", "entries", "now", "time", **query)
     except AnsweredError as error:
         names = [each["robot"] for each in servers.exporter.fleet()["robots"]]
         if robot in names:
             raise
         raise no_robot(robot, names) from error
-    if not isinstance(found, dict) or not {"entries", "now", "time"} <= found.keys():
-        raise UnreachableError(f"{servers.exporter.url}{path} is not a ROS diagnostics exporter")
     if output == "json":
         print_json(found)
     else:

@@ -23,7 +23,7 @@ from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import ConfigError, Finding, quoted
 from ros_diagnostics_tools.oncall.file import Level, OnCall, Person
 from ros_diagnostics_tools.oncall.rota import Duty
-from ros_diagnostics_tools.yaml_nodes import get, items, scalar
+from ros_diagnostics_tools.yaml_nodes import get, items, made, scalar
 
 _DAY = timedelta(days=1)
 _MINUTE = timedelta(minutes=1)
@@ -57,9 +57,9 @@ def build(oncall: OnCall, duties: Duties, base: Path, until: datetime, header: s
         routes = [_route(level, duties[level], horizon) for level in levels]
         for node, _ in site.routes_to(receiver):
             node.flow_style = False
-            node.value.append((_node("routes"), _node(routes)))
+            node.value.append((made("routes"), made(routes)))
         if receiver not in site.receivers:  # of the routes' parents, which send nothing themselves
-            site.add("receivers", _node({"name": receiver}))
+            site.add("receivers", made({"name": receiver}))
     begin = min(duty.start for each in duties.values() for duty in each)
     site.add("time_intervals", _interval(horizon, begin, until))
     text: str = yaml.serialize(site.root, Dumper=yaml.BaseDumper, allow_unicode=True, width=10_000)
@@ -154,7 +154,7 @@ def _intervals(level: Level, duties: Sequence[Duty], overlap: timedelta) -> Iter
 
 
 def _interval(name: str, start: datetime, end: datetime) -> yaml.Node:
-    found: yaml.Node = _node({"name": name, "time_intervals": hours(start, end)})
+    found: yaml.Node = made({"name": name, "time_intervals": hours(start, end)})
     for piece in items(get(found, "time_intervals")):
         piece.flow_style = True  # in one line
     return found
@@ -168,7 +168,7 @@ def _receivers(
     addressed = {_name(level, duty): [people[duty.person]] for duty in duties}
     addressed[_everybody(level)] = [people[name] for name in level.people()]
     for name, persons in addressed.items():
-        receiver = _node({"name": name})
+        receiver = made({"name": name})
         receiver.value += _addressed(like, persons)
         receiver.flow_style = False
         yield receiver
@@ -196,14 +196,14 @@ def _addressed(like: _Pairs, people: Sequence[Person]) -> _Pairs:
     recorded: set[str] = set()
     for key, configs in like:
         kind = scalar(key)
-        into = found.setdefault(kind, _node([]))
+        into = found.setdefault(kind, made([]))
         into.flow_style = False
         for config in items(configs):
             url = _record_url(config)
             if not url or url not in recorded:
                 into.value += _copies(config, kind, people)
             recorded.add(url)
-    return [(_node(kind), configs) for kind, configs in found.items() if configs.value]
+    return [(made(kind), configs) for kind, configs in found.items() if configs.value]
 
 
 def _record_url(config: yaml.Node) -> str:
@@ -292,28 +292,26 @@ class _Configuration:
         """The routes that name this receiver, with their group_interval in seconds."""
         return [each for each in self._routes if scalar(get(each[0], "receiver")) == receiver]
 
-    def taken_away(self, receivers: Container[str]) -> Iterator[Finding]:
+    def taken_away(
+        self, receivers: Container[str], below: yaml.Node | None = None, inherited: str = ""
+    ) -> Iterator[Finding]:
         """What no longer goes to the receiver of a route, because one below it matches first.
 
         With `continue` it is meant to: Alertmanager goes on to the next routes, but not to the
-        receiver above them.
+        receiver above them. Looks at all routes, or at those ``below`` one.
         """
-        return self._taken_away(get(self.root, "route"), "", receivers)
-
-    def _taken_away(
-        self, route: yaml.Node, inherited: str, receivers: Container[str]
-    ) -> Iterator[Finding]:
+        route = get(self.root, "route") if below is None else below
         above = scalar(get(route, "receiver")) or inherited
         sends = bool(_integrations(self.receivers[above])) if above in self.receivers else False
-        below = items(get(route, "routes"))
-        for number, child in enumerate(below, 1):
+        routes = items(get(route, "routes"))
+        for number, child in enumerate(routes, 1):
             receiver, goes_on = scalar(get(child, "receiver")), scalar(get(child, "continue"))
             is_taken = receiver in receivers and goes_on == "true" and receiver != above
-            if is_taken and sends and not any(map(_takes_all, below[number:])):
+            if is_taken and sends and not any(map(_takes_all, routes[number:])):
                 what = f"alerts for {quoted(receiver)} no longer go to {quoted(above)}, above it"
                 remedy = f"add - receiver: {above} as the last of the routes below that"
                 yield Finding(self.path, child.start_mark.line + 1, "route", what, remedy)
-            yield from self._taken_away(child, above, receivers)
+            yield from self.taken_away(receivers, child, above)
 
     def overlap(self, receivers: Iterable[str]) -> timedelta:
         """How long a person is notified beyond the end of a duty: whole minutes.
@@ -329,7 +327,7 @@ class _Configuration:
     def add(self, key: str, *entries: yaml.Node) -> None:
         """Append entries to a list at the top of the configuration."""
         if get(self.root, key) is None:
-            self.root.value.append((_node(key), _node([])))
+            self.root.value.append((made(key), made([])))
         found = get(self.root, key)
         found.flow_style = False
         found.value += entries
@@ -372,13 +370,5 @@ def _with(mapping: yaml.Node, key: str, value: str) -> yaml.Node:
     """A copy of a mapping with another value."""
     found = copy.deepcopy(mapping)  # nodes that are shared would get an anchor each
     found.value = [pair for pair in found.value if scalar(pair[0]) != key]
-    found.value.insert(0, (_node(key), _node(value)))
+    found.value.insert(0, (made(key), made(value)))
     return found
-
-
-def _node(data: Any) -> Any:
-    """Plain data as a node; lists and mappings of nothing but scalars in one line."""
-    text = yaml.safe_dump(
-        data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=10_000
-    )
-    return yaml.compose(text, Loader=yaml.BaseLoader)

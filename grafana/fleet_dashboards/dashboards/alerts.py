@@ -28,9 +28,8 @@ COMPONENT = (
     tables.ROBOT,
     Column("component", "Component", link=links.TO_COMPONENT, min_width=130),
 )
-SEVERITY = Column(
-    "severity", "Severity", mappings=palette.severity_mappings(), width=100, background=True
-)
+_COLOURED = palette.words({word: (word, colour) for word, colour in palette.SEVERITIES.items()})
+SEVERITY = Column("severity", "Severity", mappings=_COLOURED, width=100, background=True)
 # The same as a number: Grafana sorts by what is shown only, and texts by their letters.
 SEVERITY_RANKS = {severity: rank for rank, severity in enumerate(reversed(palette.SEVERITIES), 1)}
 SEVERITY_RANK = SEVERITY._replace(

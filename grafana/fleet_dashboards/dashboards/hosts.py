@@ -6,6 +6,8 @@ are collapsed, and queried only when opened.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from grafana_foundation_sdk.builders import table, timeseries
 
 from fleet_dashboards.lib import palette, panels, tables
@@ -14,6 +16,9 @@ from fleet_dashboards.lib.tables import Column
 LINES = 20  # of a graph
 SHOWN = f"The {LINES} highest at the end of the range"
 UP = palette.up_mappings()
+CLOCK = palette.words(
+    {"1": ("synchronized", palette.OK.colour), "0": ("free-running", palette.WARNING.colour)}
+)
 CHECK = palette.rewritten("/^ros-diagnostics-(.*)$/", "$1")  # of the job
 
 
@@ -121,7 +126,7 @@ def computers() -> table.Panel:
             Column("D", "Disk", unit="percentunit", width=90),
             Column("E", "Temperature", unit="celsius", width=120),
             Column("F", "Uptime", unit=tables.DURATION, width=115),
-            Column("G", "Clock", mappings=palette.clock_mappings(), width=130, background=True),
+            Column("G", "Clock", mappings=CLOCK, width=130, background=True),
             tables.FLEET,
         ],
         ascending=("State",),
@@ -133,41 +138,24 @@ def computers() -> table.Panel:
 
 
 def _graph(
-    title: str, question: str, over_time: str, at_end: str, unit: str = "percentunit"
+    title: str, question: str, measured: Callable[[str], str], unit: str = "percentunit"
 ) -> timeseries.Panel:
-    expr = f"{over_time}\nand on (fleet, robot, instance)\n  topk({LINES}, {at_end})"
+    at_end = measured(" @ end()")
+    expr = f"{measured('')}\nand on (fleet, robot, instance)\n  topk({LINES}, {at_end})"
     # The scrape interval of the job is 15 s: rates need two scrapes.
     query = panels.over_time(expr, "{{robot}} {{instance}}").interval("15s")
     return panels.graph(title, f"{question} {SHOWN}.", query, unit=unit).min(0)
 
 
-def cpu() -> timeseries.Panel:
-    """Show the CPU usage of the robots' computers."""
-    return _graph("CPU", "Which computers are busy?", _cpu(), _cpu(" @ end()")).max(1)
-
-
-def memory() -> timeseries.Panel:
-    """Show the memory usage of the robots' computers."""
-    return _graph(
-        "Memory", "Which computers run out of memory?", _memory(), _memory(" @ end()")
-    ).max(1)
-
-
-def disk() -> timeseries.Panel:
-    """Show the usage of the fullest file system."""
-    return _graph("Disk", "Which disks fill up?", _disk(), _disk(" @ end()")).max(1)
-
-
-def temperature() -> timeseries.Panel:
-    """Show the temperature of the hottest sensor."""
-    question = "Which computers get hot?"
-    return _graph("Temperature", question, _temperature(), _temperature(" @ end()"), "celsius")
-
-
-def network() -> timeseries.Panel:
-    """Show the network traffic in both directions."""
-    question = "How much do the computers send and receive?"
-    return _graph("Network", question, _network(), _network(" @ end()"), "Bps")
+def computers_over_time() -> list[timeseries.Panel]:
+    """Show how busy, full and hot the computers are, and how much they send and receive."""
+    return [
+        _graph("CPU", "Which computers are busy?", _cpu).max(1),
+        _graph("Memory", "Which computers run out of memory?", _memory).max(1),
+        _graph("Disk", "Which disks fill up?", _disk).max(1),
+        _graph("Temperature", "Which computers get hot?", _temperature, "celsius"),
+        _graph("Network", "How much do the computers send and receive?", _network, "Bps"),
+    ]
 
 
 def ping_time() -> timeseries.Panel:

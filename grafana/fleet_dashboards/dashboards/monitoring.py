@@ -20,7 +20,9 @@ _SERVERS = 'job=~"prometheus|alertmanager"'
 _TARGET = 12  # seconds; one of the buckets
 FLEET = Column("fleet", "Fleet", min_width=90)
 UP = palette.up_mappings()
-SUCCESS = palette.success_mappings()
+SUCCESS = palette.words(
+    {"1": ("succeeded", palette.OK.colour), "0": ("failed", palette.CRITICAL.colour)}
+)
 
 
 def build() -> builders.Dashboard:
@@ -57,15 +59,7 @@ def build() -> builders.Dashboard:
             server_memory(),
             closed_row("Canary", canaries_in_time(), canary_under_way(), canary_time()),
             closed_row("Hosts", hosts.pings(), hosts.ping_time()),
-            closed_row(
-                "Computers",
-                hosts.computers(),
-                hosts.cpu(),
-                hosts.memory(),
-                hosts.disk(),
-                hosts.temperature(),
-                hosts.network(),
-            ),
+            closed_row("Computers", hosts.computers(), *hosts.computers_over_time()),
         ],
     )
 

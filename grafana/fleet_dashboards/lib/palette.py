@@ -164,21 +164,6 @@ def up_mappings() -> list[dashboard.ValueMapping]:
     return words({"1": ("up", OK.colour), "0": ("down", CRITICAL.colour)})
 
 
-def success_mappings() -> list[dashboard.ValueMapping]:
-    """Show whether the last attempt succeeded."""
-    return words({"1": ("succeeded", OK.colour), "0": ("failed", CRITICAL.colour)})
-
-
-def clock_mappings() -> list[dashboard.ValueMapping]:
-    """Show whether a computer's clock is synchronized."""
-    return words({"1": ("synchronized", OK.colour), "0": ("free-running", WARNING.colour)})
-
-
-def severity_mappings() -> list[dashboard.ValueMapping]:
-    """Colour an alert's severity."""
-    return words({word: (word, colour) for word, colour in SEVERITIES.items()})
-
-
 # Why a robot is silent: the label "reason", and the evidence of its fault.
 SILENT_REASONS = {
     "never_seen": "never received: not switched on, or another name, namespace or DDS domain",
@@ -209,11 +194,6 @@ SHORT_REASONS = {
     "limit": "over the limit",
     "just_started": "not known yet",
 }
-
-
-def reason_mappings() -> list[dashboard.ValueMapping]:
-    """Show why a robot is silent in words, and any other text as it is."""
-    return words({reason: (text, None) for reason, text in SILENT_REASONS.items()})
 
 
 def words(shown: Mapping[str, tuple[str, str | None]]) -> list[dashboard.ValueMapping]:

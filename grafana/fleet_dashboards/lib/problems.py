@@ -321,12 +321,14 @@ def _state_mappings() -> list[dashboard.ValueMapping]:
     return palette.words(shown)
 
 
+# Why a robot is silent in words, and any other text as it is.
+_REASON = palette.words({reason: (text, None) for reason, text in palette.SILENT_REASONS.items()})
 ROBOT = Column("who", "Robot", link=links.OF_WHO, width=125, filtered=True)
 # On a screen of 1366 pixels all of them, also beside Grafana's menu, which takes 300.
 _COLUMNS = (
     tables.STATE._replace(mappings=_state_mappings()),
     ROBOT,
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=250),
+    Column("message", "Message", mappings=_REASON, min_width=250),
     Column("component", "Component", link=links.TO_COMPONENT, width=125, filtered=True),
     Column("B", "Since", unit=tables.MINUTE, width=105),
     Column("care", "Handled by", width=190, links=links.OF_PROBLEM),

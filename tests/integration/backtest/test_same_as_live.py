@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.backtest.ledger import IDENTITY
+from ros_diagnostics_tools.backtest.history import IDENTITY
 from support.bags import judged
 from testbed import http
 from testbed.polling import until

@@ -32,7 +32,7 @@ class Half:
 
     def follows(self) -> bool:
         self.alertmanager.update("f", self.driver.now)
-        self.forgetting.follow(self.driver.now)
+        self.forgetting.forget_passed_on(self.driver.now)
         return self.faults() == 0
 
 

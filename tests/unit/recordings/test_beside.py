@@ -218,16 +218,16 @@ def test_what_is_not_received_any_more_is_forgotten_but_for_a_recording_under_wa
     site.send(95, LOGS, LOG_TYPE, log("r.amcl", "Overrun"))
     rings = site.recordings.rings
     began = Event(WALL + 100, "fault_began", "r", severity="critical", since=WALL + 100)
-    site.recordings.follow(*site.state.received())
+    site.recordings.keep_only(*site.state.received())
     size = rings.size
     assert size
     site.recordings.note(FAULT, began, at(100))
     site.state.configure(Fleet("f", ()), at(101))
-    site.recordings.follow(*site.state.received())
+    site.recordings.keep_only(*site.state.received())
     assert rings.size == size
     site.recordings.turn(at(110))
     assert len(beside(site.recordings.read(FAULT, at(110)))) == 1
-    site.recordings.follow(*site.state.received())
+    site.recordings.keep_only(*site.state.received())
     assert rings.size == 0
 
 

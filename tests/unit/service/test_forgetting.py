@@ -48,7 +48,7 @@ class Half:
         return self.forgetting.forget("r", component, self.driver.now)
 
     def follow(self) -> set[str]:
-        self.forgetting.follow(self.driver.now)
+        self.forgetting.forget_passed_on(self.driver.now)
         return self.faults()
 
 
@@ -70,7 +70,7 @@ def test_what_is_received_again_is_judged_again_and_forgotten_no_second_time():
         half.driver.raw_every(1, 40, HOT, LASER)
         assert half.follow() == {"Laser", "Motor"}
     restarted = Forgetting(other.driver.state, alertmanager)
-    restarted.follow(other.driver.now)
+    restarted.forget_passed_on(other.driver.now)
     assert other.faults() == {"Laser", "Motor"}
 
 
@@ -79,7 +79,7 @@ def test_a_half_that_was_down_forgets_it_when_it_starts():
     one, other = Half(alertmanager), Half(alertmanager)
     one.forget()
     restarted = Forgetting(other.driver.state, alertmanager)
-    restarted.follow(other.driver.now)
+    restarted.forget_passed_on(other.driver.now)
     assert other.faults() == set()
 
 

@@ -75,7 +75,7 @@ class Here:
     robots: set[str] = field(default_factory=set)
 
 
-def follow(
+def notified_here(
     events: Iterable[Mapping[str, Any]], services: Iterable[tuple[str, str]], patterns: Patterns
 ) -> Here:
     """The events of kind ``notified`` as notifications about services.
@@ -102,11 +102,11 @@ def follow(
         if event["scope"] == "exporter":
             continue  # of the exporter
         if event["scope"] in ("site", "common") or event["state"] == "many":
-            _follow_larger(found, larger, event)
+            _add_larger(found, larger, event)
             continue
         for service in _services_of(event, known.get(event["robot"], set()), patterns):
             track = tracks.setdefault((event["robot"], service), _Service())
-            _follow_one(track, service, event)
+            _add(track, service, event)
     found.notices = [each for track in tracks.values() for each in track.notices]
     return found
 
@@ -138,7 +138,7 @@ def _contains(path: str, pattern: str) -> bool:
     return pattern.casefold() in path.casefold()
 
 
-def _follow_one(track: _Service, service: str, event: Mapping[str, Any]) -> None:
+def _add(track: _Service, service: str, event: Mapping[str, Any]) -> None:
     firing = event["after"] == "firing"
     of, state = (event["robot"], service), event["state"]
     detail = str(event["component"] or event["check"])
@@ -170,9 +170,7 @@ def _worst(lasting: Mapping[tuple[str, ...], str]) -> str:
     return next((state for state in WORST if state in lasting.values()), "OK")
 
 
-def _follow_larger(
-    here: Here, larger: dict[tuple[str, ...], int], event: Mapping[str, Any]
-) -> None:
+def _add_larger(here: Here, larger: dict[tuple[str, ...], int], event: Mapping[str, Any]) -> None:
     fault = _fault(event)
     if event["after"] != "firing":
         if fault in larger:

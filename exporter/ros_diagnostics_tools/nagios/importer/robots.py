@@ -292,7 +292,8 @@ def _profile(site: Site, robot: Robot) -> dict[str, Any]:
             rules.setdefault(check.words, rule)
             plain.append(rule)
     common = _most_common(every or plain)
-    specific = [{"match": words, **rules[words]} for words in sorted(rules, key=_longest_first)]
+    longest_first = sorted(rules, key=lambda words: (-len(words), words))
+    specific = [{"match": words, **rules[words]} for words in longest_first]
     if all(rules[words] == common for words in rules):
         specific = []
     if common not in ({}, profile):
@@ -303,10 +304,6 @@ def _profile(site: Site, robot: Robot) -> dict[str, Any]:
         **({"components": specific} if specific else {}),
         **({"values": values} if values else {}),
     }
-
-
-def _longest_first(words: str) -> tuple[int, str]:
-    return -len(words), words
 
 
 def _most_common(rules: list[dict[str, Any]]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ def live(fleet, bag, path):
     events = []
     with closing(Recordings([RecordingSource(bag)])) as recordings:
         replay = Replay(fleet, recordings)
-        note = replay.ledger.note
+        note = replay.history.note
 
         def also_log(state):
             found = state.take_events()
@@ -45,7 +45,7 @@ def live(fleet, bag, path):
             note(state)
             del state.take_events
 
-        replay.ledger.note = also_log
+        replay.history.note = also_log
         for _message in play(recordings, [replay]):
             pass
         result = replay.result()

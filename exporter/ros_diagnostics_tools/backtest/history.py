@@ -76,7 +76,7 @@ class Outage:
         return self.end - self.begin
 
 
-class Ledger:
+class History:
     """Reads a state after each message and tick."""
 
     def __init__(self) -> None:
