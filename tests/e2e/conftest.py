@@ -9,14 +9,6 @@ from testbed.polling import until
 from testbed.site import Site
 from testbed.stack import Plan, running
 
-HERE = Path(__file__).parent
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
-        if HERE in item.path.parents:
-            item.add_marker(pytest.mark.e2e)
-
 
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:

@@ -10,7 +10,7 @@ from ros_diagnostics_tools.nagios.importer.convert import REPORT, ImportOptions,
 from support import nagios_program
 from testbed.polling import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 INTERVAL, FIRST = 5, 3  # seconds between two notifications, and the number of the escalation's
 OBJECTS = f"""\

@@ -25,7 +25,7 @@ LISTS = ("contacts", "contact_groups", "notification_options")
 # Services of the sample run these; Debian has them in packages of their own.
 PLUGINS = ("check_ping", "check_ssh", "check_http", "check_nt", "check_hpjd", "check-host-alive")
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 def own_site(folder: Path) -> Path:

@@ -83,7 +83,6 @@ def why_not(*programs: str) -> str | None:
 def marks(absent: str | None) -> list[pytest.MarkDecorator]:
     """The marks of tests that need a Debian; ``absent`` is why there can be none, or None."""
     return [
-        pytest.mark.e2e,
         pytest.mark.slow,
         pytest.mark.timeout(2400),
         pytest.mark.skipif(absent is not None, reason=str(absent)),

@@ -15,7 +15,7 @@ from conformance.table import PAGE, ROWS, rows, summary
 from support.called import called
 from support.planted import planted
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 # What is planted in faults/: file, the right text, the wrong text, and a history that finds it.
 MISTAKES = {

@@ -12,7 +12,7 @@ HISTORIES = [
     if each.ticks <= LONGEST and not each.flapping
 ]
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def test_alertmanager_sends_what_nagios_notifies(tmp_path):

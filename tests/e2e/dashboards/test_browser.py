@@ -17,7 +17,6 @@ from testbed.site import Site
 
 ABSENT = browser.missing()
 pytestmark = [
-    pytest.mark.e2e,
     pytest.mark.slow,
     pytest.mark.timeout(900),
     pytest.mark.skipif(bool(ABSENT), reason=ABSENT),

@@ -8,8 +8,6 @@ from e2e.dashboards.cells import View, differences, found_cells, views
 from e2e.dashboards.watched_fleet import WatchedFleet
 from support.committed_dashboards import BOARDS, Query, filled, queries
 
-pytestmark = pytest.mark.e2e
-
 QUERIES = {(each.board, each.place, each.ref): each for each in queries()}
 VIEWS = views()
 RANGE = 10  # seconds of a range query; its last point is compared

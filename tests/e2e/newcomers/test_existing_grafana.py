@@ -12,7 +12,6 @@ from testbed import grafana
 from testbed.configuration import CHECKOUT
 
 pytestmark = [
-    pytest.mark.e2e,
     pytest.mark.slow,
     pytest.mark.skipif(grafana.command() is None, reason=NO_GRAFANA),
 ]

@@ -7,7 +7,7 @@ import pytest
 
 from support.newcomer import Newcomer, blocks, newcomer
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
 def step(title: str) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from support.newcomer import Newcomer, blocks, newcomer
 from testbed.configuration import CHECKOUT
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 PACKAGED = "/usr/share/ros-diagnostics-exporter"
 FOUND = f"{len(list((CHECKOUT / 'prometheus' / 'rules').glob('*.yml')))} rule files found"

@@ -7,7 +7,7 @@ import pytest
 from support.existing_site import ALERTMANAGER, OWN_RULES, PROMETHEUS, added
 from support.newcomer import Newcomer, blocks, newcomer
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 PAGE = "docs/existing-servers.md"
 FLEET = """\

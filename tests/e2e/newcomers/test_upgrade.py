@@ -8,7 +8,7 @@ import pytest
 from support.newcomer import blocks, newcomer
 from testbed.configuration import CHECKOUT
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 RULES = CHECKOUT / "prometheus" / "rules"
 TEMPLATES = CHECKOUT / "alertmanager" / "templates"

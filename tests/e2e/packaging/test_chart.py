@@ -22,7 +22,7 @@ from support.committed_dashboards import BOARDS
 from support.go import go
 from testbed.configuration import CHECKOUT
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 CHART = CHECKOUT / "packaging" / "chart"
 KUBERNETES = CHECKOUT / "packaging" / "kubernetes"

@@ -22,8 +22,6 @@ from testbed import domains, http
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
 
-pytestmark = pytest.mark.e2e
-
 FOLDER = CHECKOUT / "packaging" / "kubernetes"
 RULES = FOLDER / "rules" / "rules.yaml"
 PAGE = (CHECKOUT / "docs" / "kubernetes.md").read_text()

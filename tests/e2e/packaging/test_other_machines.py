@@ -14,7 +14,7 @@ from testbed.configuration import CHECKOUT
 
 tomllib = pytest.importorskip("tomllib", reason="needs Python 3.11")
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 LOCK = CHECKOUT / "packaging" / "locks" / "versions.txt"
 WITH_ROS = {"ros", "demo"}  # extras

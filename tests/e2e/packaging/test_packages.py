@@ -23,8 +23,6 @@ ROOT = Path(__file__).parents[3]
 ROLE = ROOT / "packaging" / "ansible" / "roles" / "ros_diagnostics_exporter"
 UNIT = ROOT / "packaging" / "ros-diagnostics-exporter.service"
 
-pytestmark = pytest.mark.e2e
-
 
 def run(*command: str | Path, **options: Any) -> str:
     ended = called(command, timeout=280, **options)

@@ -14,8 +14,6 @@ from testbed.configuration import CHECKOUT
 WORKFLOWS = CHECKOUT / ".github" / "workflows"
 ACTIONLINT = "github.com/rhysd/actionlint/cmd/actionlint@v1.7.7"
 
-pytestmark = pytest.mark.e2e
-
 
 @pytest.mark.parametrize(("name", "command"), [("ci", ".ci/run"), ("nightly", "./run nightly")])
 def test_a_workflow_runs_what_a_person_would(name: str, command: str):

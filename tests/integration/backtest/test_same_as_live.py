@@ -17,8 +17,6 @@ from testbed import http
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 COMMANDS = Path(sys.executable).parent
 ONE_MESSAGE = 1.3  # seconds: the robots publish once a second, and the exporter ticks four times
 PLAYED = 30.0  # seconds of a scenario

@@ -11,8 +11,6 @@ import pytest
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 

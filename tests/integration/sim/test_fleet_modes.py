@@ -10,8 +10,6 @@ import pytest
 from testbed import domains
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 DRIVER = "virtual_robot_driver"
 
 

@@ -12,8 +12,6 @@ from sensor_msgs.msg import JointState
 from ros_diagnostics_exporter.sources.dds_types import borrowed_type
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 KEPT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SAFETY = "/robot_1/io_and_status_controller/safety_mode"
 

@@ -17,8 +17,6 @@ from testbed.processes import Process
 from virtual_robots import cli
 from virtual_robots.recording.bags import BagWriter, Recorded, read_recordings
 
-pytestmark = pytest.mark.integration
-
 GOLDEN = Path(__file__).parents[2] / "data/golden"
 
 

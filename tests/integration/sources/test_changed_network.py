@@ -10,7 +10,7 @@ from support import subnets
 from support.one_subnet import OneSubnet
 from testbed.polling import until
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture

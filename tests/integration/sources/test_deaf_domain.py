@@ -1,14 +1,10 @@
 """A participant that has become deaf to one robot, on real DDS."""
 
-import pytest
-
 from ros_diagnostics_exporter import comparing, joining
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.model import Status
 from support.ros_publisher import repeating
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 COOL = Status(0, "Motor", "OK")
 QUICK = Profile(stale_after=2.0, confirm_after=30.0)

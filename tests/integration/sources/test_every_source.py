@@ -14,8 +14,6 @@ from support.ros_publisher import Publisher, publisher
 from support.zenoh_robots import Bridge
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 COOL, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
 QUICK = Profile(stale_after=1.0)
 # Families whose samples say when, or by which way, something was received, and how often in a time.

@@ -14,8 +14,6 @@ from testbed import domains, http, programs
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 TESTS = Path(__file__).parents[2]
 ROBOTS = 20
 EVERYBODY = {f"r{number}" for number in range(ROBOTS)}

@@ -12,8 +12,6 @@ from support.action_robot import ActionRobot
 from support.ros_publisher import repeating
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 DOCK, GOTO = "dock_robot", "navigate_to_pose"
 RULES = (
     ActionRule((wildcard(GOTO),), aborted=TooMany(None, 3)),

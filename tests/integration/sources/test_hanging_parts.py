@@ -11,8 +11,6 @@ from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.service import Service
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 COOL = Status(0, "Motor", "OK")
 
 

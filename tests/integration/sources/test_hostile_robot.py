@@ -10,8 +10,6 @@ from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.commands.status import view
 
-pytestmark = pytest.mark.integration
-
 EVIL = "/bad/diagnostics"
 
 

@@ -21,8 +21,6 @@ from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 COOL = Status(0, "Motor", "OK")
 QUICK = Profile(stale_after=1.0)
 

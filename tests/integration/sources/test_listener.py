@@ -19,8 +19,6 @@ from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 MOTOR, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
 
 

@@ -16,7 +16,7 @@ from support.exposition import parsed
 from testbed import domains
 from testbed.polling import until
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
 PORT = 9877

@@ -1,7 +1,5 @@
 """Names that rclpy cannot read, which anybody in a domain can make: the others are received."""
 
-import pytest
-
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import validated
@@ -10,8 +8,6 @@ from support.cyclone_robot import CONFIG, CONFIG_VARIABLE, cyclone_robot
 from support.odd_names import unreadable_topic
 from support.ros_publisher import Publisher
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 OK = Status(0, "Motor", "OK")
 

@@ -13,7 +13,7 @@ from support.one_subnet import OneSubnet
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 # Seconds that it lasts, which is what is measured: less than the 20 after which participants drop
 # one that they do not hear. After those the domain may have to be joined anew.

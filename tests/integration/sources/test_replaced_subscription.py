@@ -8,8 +8,6 @@ from ros_diagnostics_exporter.sources import handover, reception
 from support.ros_publisher import repeating
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 TOPIC = "/r/diagnostics"
 REPLACED = 4  # times
 PERIOD = 0.03  # seconds between two messages

@@ -21,8 +21,6 @@ from support.cyclone_robot import (
 from support.ros_publisher import repeating
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 TOPIC = "/r/diagnostics"
 HOT = Status(2, "Motor", "Hot", "m1", (("Temperature", "91.5 °C"),))
 SEEN = 100.0  # seconds in which the graph is judged: three rounds of 20 s

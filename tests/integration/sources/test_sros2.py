@@ -18,8 +18,6 @@ from support import secured_participant
 from support.cyclone_robot import CONFIG, CONFIG_VARIABLE
 from support.keystore import Keystore
 
-pytestmark = pytest.mark.integration
-
 CHECKOUT = Path(__file__).parents[3]
 POLICY = CHECKOUT / "packaging/sros2/policy.xml"
 # As `ros2 security create_permission` of sros2 0.13 makes it of the policy.

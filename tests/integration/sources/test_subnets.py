@@ -20,7 +20,7 @@ from testbed import domains
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 COMMANDS = Path(sys.executable).parent
 SERVER = COMMANDS / "fast-discovery-server"  # of the wheels

@@ -14,8 +14,6 @@ from support.configs import load_text
 from support.ros_publisher import repeating
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 MODE = "ur_dashboard_msgs/msg/SafetyMode"
 FLEET = """\
 fleet: f

@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
 from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
@@ -18,8 +17,6 @@ from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.recordings.recordings import FaultRecordings
 from support.ros_publisher import repeating
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 ALL = Watched(
     logs=True,

@@ -1,14 +1,10 @@
 """Robots behind bridges and a router: what is received, and why nothing is."""
 
-import pytest
-
 from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Robot, Zenoh
 from ros_diagnostics_exporter.config.keys import validated
 from ros_diagnostics_exporter.model import Status
 from support.zenoh_robots import Bridge
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 OK, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
 QUICK = Profile(stale_after=1.0)

@@ -17,8 +17,6 @@ from support.zenoh_robots import session
 from testbed import programs, zenoh
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 DOCK = "dock_robot"
 PROFILE = Profile(actions=(ActionRule((wildcard(DOCK),), aborted=TooMany(None, 1)),))
 

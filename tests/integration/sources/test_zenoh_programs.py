@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.model import Status
 from testbed import domains, programs, zenoh
 from testbed.polling import until
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "beyond-the-lan.md").read_text()

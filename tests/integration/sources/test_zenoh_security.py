@@ -17,8 +17,6 @@ from support.zenoh_robots import Bridge, Router, session
 from testbed import programs
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 PAGE = Path(__file__).parents[3] / "docs" / "beyond-the-lan.md"
 PASSWORDS = {"exporter": "e", "agv_7": "a"}
 OWN, FOREIGN = "/customer_b/agv_7/diagnostics_agg", "/customer_b/agv_8/diagnostics_agg"

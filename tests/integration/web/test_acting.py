@@ -18,8 +18,6 @@ from testbed.polling import until
 from testbed.programs import MissingProgram
 from testbed.servers import alertmanager, running
 
-pytestmark = pytest.mark.integration
-
 LOGIN = "Basic " + base64.b64encode(b"ann:secret").decode()
 
 

@@ -12,8 +12,6 @@ import pytest
 from testbed import ports
 from testbed.polling import until
 
-pytestmark = pytest.mark.integration
-
 # Of levels only: an ERROR that lasts for confirm_after is a fault, which has events of its own.
 CHANGES = "/api/v1/events?kind=level&component=Motor%202&robot=robot_1"
 

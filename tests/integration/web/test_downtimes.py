@@ -4,13 +4,9 @@ import json
 from contextlib import suppress
 from datetime import datetime, timedelta, timezone
 
-import pytest
-
 from ros_diagnostics_exporter.silences import downtime_matchers, silence
 from support.loopback import replying
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 FLEET = "fleet: hall\nrobots: [{{name: r1, domain_id: {domain}, namespace: /r1}}]\n"
 

@@ -9,16 +9,12 @@ from operator import itemgetter
 from pathlib import Path
 from urllib.error import HTTPError
 
-import pytest
-
 from ros_diagnostics_exporter.http_client import Client as Exporter
 from ros_diagnostics_tools.ask import Answers
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from support import exposition
 from support.called import called
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 TOPIC = "/robot_1/diagnostics_agg"
 

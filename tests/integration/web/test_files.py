@@ -12,8 +12,6 @@ from support.exposition import value
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 
 def metric(site, name: str) -> float | None:
     return value(site.address, f"exporter_{name}")

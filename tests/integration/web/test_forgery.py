@@ -1,13 +1,9 @@
 """Forged diagnostics, as SECURITY.md describes them: accepted, and visible in the metrics."""
 
-import pytest
-
 from ros_diagnostics_exporter.model import Level, Status
 from support.exposition import value
 from support.ros_publisher import publisher
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 TOPIC = "/robot_1/diagnostics_agg"
 ALL_IS_WELL = (

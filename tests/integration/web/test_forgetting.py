@@ -14,8 +14,6 @@ from testbed.polling import until
 from testbed.programs import MissingProgram
 from testbed.servers import alertmanager, running
 
-pytestmark = pytest.mark.integration
-
 
 class Half:
     """One exporter of the pair, with a motor that is a fault."""

@@ -22,8 +22,6 @@ from support.ros_publisher import publisher
 from testbed.polling import until
 from testbed.processes import Process
 
-pytestmark = pytest.mark.integration
-
 ROBOTS = 1_000  # declared: some megabytes of metrics without a publisher
 CLIENTS = 520
 SCRAPES = 20

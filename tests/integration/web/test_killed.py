@@ -4,16 +4,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-import pytest
-
 from ros_diagnostics_exporter.model import Status
 from support.exposition import samples
 from support.ros_publisher import publisher, repeating
 from testbed.http import Unanswered
 from testbed.polling import until
 from testbed.processes import Process
-
-pytestmark = pytest.mark.integration
 
 LAMPS = 200
 FLEET = """\

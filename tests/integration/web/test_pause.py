@@ -3,11 +3,7 @@
 import signal
 import time
 
-import pytest
-
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 PAUSE = 11.0  # seconds: longer than stale_after and confirm_after together
 

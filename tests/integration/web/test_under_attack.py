@@ -3,12 +3,8 @@
 import contextlib
 import socket
 
-import pytest
-
 from support.exposition import samples
 from testbed.polling import until
-
-pytestmark = pytest.mark.integration
 
 ROBOTS = 3
 GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n"
