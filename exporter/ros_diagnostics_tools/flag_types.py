@@ -76,14 +76,14 @@ class Size(Written[int]):
         return int(found[1]) * _UNITS[found[2]]
 
 
-class Checked(Written[str]):
-    """A text that ``check`` accepts, as that returns it."""
+class Checked(Written[T]):
+    """What ``check`` makes of a text that it accepts."""
 
     name = "text"
 
-    def __init__(self, check: Callable[[Any], Any]) -> None:
+    def __init__(self, check: Callable[[Any], T]) -> None:
         self._check = check
 
-    def read(self, text: str) -> str:
-        """The text."""
-        return str(self._check(text))
+    def read(self, text: str) -> T:
+        """The value."""
+        return self._check(text)

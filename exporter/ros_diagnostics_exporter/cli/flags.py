@@ -74,8 +74,6 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         )
     if options.web_systemd_socket and options.web_listen_address:
         parser.error("give --web.listen-address or --web.systemd-socket, not both")
-    if options.live and not options.config_check:
-        parser.error("--live needs --config.check")
     return options
 
 
@@ -115,12 +113,6 @@ def _add_fleet(parser: argparse.ArgumentParser) -> None:
         "--config.check",
         "check the configuration files, print a summary or all errors, and exit",
         action="store_true",
-    )
-    add(
-        "--live",
-        "with --config.check: also print each entry that matches no robot, component or value "
-        "of the exporter that runs at URL (http://localhost:9877)",
-        metavar="URL",
     )
 
 

@@ -21,9 +21,6 @@ from ros_diagnostics_exporter.cli.systemd import passed_sockets
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
-from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
-from ros_diagnostics_exporter.fleet_texts import query_text
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
@@ -115,17 +112,6 @@ def _check(options: argparse.Namespace) -> int:
     fleet = load(options.config_file, options.shard)
     print(describe(fleet), end="")  # noqa: T201
     LiveWebConfig(options.web_config_file)
-    if options.live:
-        live = Client(options.live).fleet()
-        known = known_from_json(live)
-        found = find_unmatched(fleet, known, time.time())
-        print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
-        unclaimed = unclaimed_from_json(fleet, live)
-        if unclaimed:
-            print(f"topics that no entry matches ({len(unclaimed)}):", *unclaimed, sep="\n  ")  # noqa: T201
-        asked = [*map(query_text, live.get("queries", ()))]
-        if asked:
-            print(f"queries ({len(asked)}):", *asked, sep="\n  ")  # noqa: T201
     return 0
 
 

@@ -2,7 +2,7 @@
 
 And values with thresholds that are no numbers.
 
-Of the running exporter, or, with `--config.check --live`, of a file against a running exporter.
+Of the running exporter, or, with `check-config --live`, of a file against a running exporter.
 """
 
 from __future__ import annotations

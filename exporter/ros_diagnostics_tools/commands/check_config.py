@@ -9,11 +9,12 @@ import click
 
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.config.shard import Shard, parse
 from ros_diagnostics_exporter.fleet.unclaimed import unclaimed_from_json
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.fleet_texts import query_text
 from ros_diagnostics_tools.capability_notes import capability_notes
-from ros_diagnostics_tools.flag_types import PATH
+from ros_diagnostics_tools.flag_types import PATH, Checked
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 
@@ -26,11 +27,17 @@ from ros_diagnostics_tools.terminal import print_json, with_output
     help="Also list what matches no robot, component or value that the running exporter knows, "
     "topics that no entry matches, components in no capability, and how its queries are answered.",
 )
+@click.option(
+    "--shard",
+    type=Checked(parse),
+    metavar="NUMBER/COUNT",
+    help="Only what the exporter with this --shard has of it.",
+)
 @with_output()
 @with_servers
-def command(servers: Servers, output: str, file: Path, *, live: bool) -> None:
+def command(servers: Servers, output: str, file: Path, shard: Shard | None, *, live: bool) -> None:
     """Check fleet.yml and the folders that it names; print a summary, or all errors."""
-    fleet = load(file)
+    fleet = load(file, shard)
     unmatched, unclaimed, queries, notes = None, None, None, None
     if live:
         running = servers.exporter.fleet()

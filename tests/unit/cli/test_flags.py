@@ -74,7 +74,6 @@ def test_retention_is_a_duration_and_a_size():
             ["2/4"],
             "--shard needs --alertmanager.url and --prometheus.url: exporters learn",
         ),
-        ("live", ["http://localhost:9877"], "--live needs --config.check"),
         ("storage.pat", ["x.db"], "unrecognized arguments: --storage.pat"),
     ],
 )

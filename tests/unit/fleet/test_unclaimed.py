@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unclaimed import MOST, Claims, find_unclaimed
 from ros_diagnostics_exporter.model import ZENOH, Domain, Endpoint, Topic
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.commands import status
+from ros_diagnostics_tools.main import main
 from support.state_driver import StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
 from testbed.configuration import CHECKOUT
@@ -76,12 +76,12 @@ def test_page_status_api_and_a_check_against_the_running_exporter_name_it(
     assert any(line in str(each) for each in status.view(shown).renderables)
 
     server = serve(fleet_snapshot=lambda: fleet)
-    check = ["--config.check", f"--live=http://{server.addresses[0]}"]
-    assert main([*check, f"--config.file={SHIPPED}"]) == 0
+    check = ["check-config", "--live", f"--url=http://{server.addresses[0]}"]
+    assert main([*check, str(SHIPPED)]) == 0
     assert f"topics that no entry matches (1):\n  {line}" in capsys.readouterr().out
     declared = tmp_path / "fleet.yml"
     declared.write_text("fleet: f\nrobots: [{name: robot, domain_id: 0}]\n")
-    assert main([*check, f"--config.file={declared}"]) == 0
+    assert main([*check, str(declared)]) == 0
     assert "topics that no entry matches" not in capsys.readouterr().out
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
-from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, UnmatchedWatch
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_tools.main import main
 from support.configs import load_text
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
@@ -114,8 +114,8 @@ def test_a_value_with_thresholds_that_is_no_number_is_reported(tmp_path, caplog,
     (value, _other) = snapshot["robots"][0]["components"][0]["values"]
     assert (value["number"], bool(value["thresholds"])) == (None, True)
     server = serve(fleet_snapshot=lambda: snapshot)
-    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
-    assert main([*check, f"--live=http://{server.addresses[0]}"]) == 0
+    check = ["check-config", str(tmp_path / "fleet.yml"), "--live"]
+    assert main([*check, f"--url=http://{server.addresses[0]}"]) == 0
     assert f"unmatched (1):\n  {said}" in capsys.readouterr().out
 
 
@@ -185,8 +185,8 @@ def test_a_file_is_checked_against_a_running_exporter(tmp_path, capsys, serve):
     server = serve(fleet_snapshot=lambda: snapshot)
     (tmp_path / "fleet.yml").write_text(MATCHING.replace("key: Level\n", "key: Leval\n"))
 
-    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
-    assert main([*check, f"--live=http://{server.addresses[0]}"]) == 0
+    check = ["check-config", str(tmp_path / "fleet.yml"), "--live"]
+    assert main([*check, f"--url=http://{server.addresses[0]}"]) == 0
     assert capsys.readouterr().out.endswith(
         "unmatched (1):\n"
         "  value component Motor, key Leval matches nothing; the nearest is 'Level'\n"
@@ -196,8 +196,8 @@ def test_a_file_is_checked_against_a_running_exporter(tmp_path, capsys, serve):
 def test_an_exporter_that_does_not_answer_is_an_error(tmp_path, capsys, free_port):
     (tmp_path / "fleet.yml").write_text(MATCHING)
 
-    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
-    assert main([*check, f"--live=http://127.0.0.1:{free_port()}"]) == 1
+    check = ["check-config", str(tmp_path / "fleet.yml"), "--live"]
+    assert main([*check, f"--url=http://127.0.0.1:{free_port()}"]) == 3
     assert "Connection refused" in capsys.readouterr().err
 
 

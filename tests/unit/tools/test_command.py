@@ -141,6 +141,9 @@ def test_a_configuration_is_checked_also_against_the_running_exporter(serve, tmp
     assert "unmatched (" in shown
     assert "queries (1):\n  Host/wrong: parse error" in shown
     assert json.loads(run(*live, "--output", "json", at=server).out)["fleet"] == "hall"
+    of_each = [run("check-config", str(path), f"--shard={each}/2").out for each in (1, 2)]
+    assert [text.count("domain 0, /") for text in of_each] == [1, 1]
+    assert "is not a shard such as 2/4" in run("check-config", "--shard=3/2", code=2).err
 
 
 @pytest.mark.usefixtures("wide")
