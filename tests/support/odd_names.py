@@ -3,8 +3,6 @@
 By rmw, as rclpy takes no such name.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager

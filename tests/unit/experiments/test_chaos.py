@@ -1,7 +1,5 @@
 """Which mails of a chaos test are wrong, by what the robots know; its scenario is a valid one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

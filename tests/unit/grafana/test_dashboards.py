@@ -1,7 +1,5 @@
 """The committed dashboards: what the source builds, valid, with links that work."""
 
-from __future__ import annotations
-
 import json
 import re
 

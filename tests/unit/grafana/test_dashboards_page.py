@@ -1,7 +1,5 @@
 """docs/dashboards.md names dashboards and panels that exist."""
 
-from __future__ import annotations
-
 import re
 
 from support.committed_dashboards import BOARDS, ROOT, panels

@@ -1,7 +1,5 @@
 """The dashboards of a release are what grafana.com and Grafana's import take."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -5,8 +5,6 @@ promtool test, and what a panel shows at some times: a line for each series that
 return.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Expressions of the dashboards are valid PromQL; their metrics and labels exist."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Iterator

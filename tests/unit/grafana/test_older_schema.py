@@ -1,7 +1,5 @@
 """The dashboards are valid for Grafana 10.4: its schema lacks only what it may leave out."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Colour-blind people can distinguish the states; ranks and units match the exporter's."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

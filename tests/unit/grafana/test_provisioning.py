@@ -1,7 +1,5 @@
 """The provisioning files and grafana.ini fit the dashboards."""
 
-from __future__ import annotations
-
 import configparser
 from pathlib import PurePosixPath
 from typing import Any

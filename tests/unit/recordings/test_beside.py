@@ -1,7 +1,5 @@
 """A recording has what is received of its robot beside diagnostics: as it came, with its type."""
 
-from __future__ import annotations
-
 import io
 from itertools import starmap
 

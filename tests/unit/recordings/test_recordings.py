@@ -1,7 +1,5 @@
 """A recording has what was received around the begin of its fault, byte for byte, within limits."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Every alert has a runbook and a promtool test; settings, records and metrics are all used."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """compose.yaml runs what is shipped."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

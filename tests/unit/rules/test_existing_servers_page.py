@@ -1,7 +1,5 @@
 """The pieces of docs/existing-servers.md are accepted by amtool, and are what is shipped."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

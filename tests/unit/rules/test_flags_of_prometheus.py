@@ -3,8 +3,6 @@
 And after a restart it fires what is due soon enough.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pictures of the mails are of the mails that are sent, and small."""
 
-from __future__ import annotations
-
 import pytest
 
 from mail_pictures import PICTURES, stale

@@ -1,7 +1,5 @@
 """The mixin for jsonnet users has all dashboards and rules, and needs nothing but its folder."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

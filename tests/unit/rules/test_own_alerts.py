@@ -1,7 +1,5 @@
 """The rules and the test of docs/own-alerts.md are accepted by promtool, and their tests pass."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What prometheus_operator.py writes: the shipped rules, as objects of its operator."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

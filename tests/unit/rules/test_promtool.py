@@ -3,8 +3,6 @@
 Without pytest: `promtool test rules prometheus/tests/*.yml`.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The receivers of docs/receivers.md are accepted by amtool."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

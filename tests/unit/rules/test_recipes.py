@@ -3,8 +3,6 @@
 r1: a motor in ERROR from 10 to 20 and from 40 minutes on. r2: silent from the 50th minute on.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

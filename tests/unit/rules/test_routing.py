@@ -1,7 +1,5 @@
 """Which receivers get which alert, as shipped and with all commented-out routes enabled."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -4,8 +4,6 @@ The pages compute it from the API, the dashboards by prometheus/rules/states.yml
 Here random fleets are judged, and both are asked.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

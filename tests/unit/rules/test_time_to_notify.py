@@ -3,8 +3,6 @@
 How long it takes on real servers, beside this sum: `./run bench notify`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

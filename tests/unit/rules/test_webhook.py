@@ -1,7 +1,5 @@
 """The example of a webhook receiver gets the requests of Alertmanager."""
 
-from __future__ import annotations
-
 import json
 import sys
 import urllib.error

@@ -1,7 +1,5 @@
 """What exporters that share a fleet learn of one another, by way of Prometheus."""
 
-from __future__ import annotations
-
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 

@@ -1,7 +1,5 @@
 """Whether a Prometheus reads the faults: if none does, pages and `status` say since when."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet

@@ -1,7 +1,5 @@
 """The simulation finds mistakes: each that is planted in the judgement of faults breaks a seed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -4,8 +4,6 @@ A seed that fails is explained by ``./run simulate --seed N``, which reduces it 
 story then gets a place in STORIES, and stays.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

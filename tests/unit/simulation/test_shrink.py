@@ -1,7 +1,5 @@
 """What `./run simulate` prints of a failing seed: the events that it takes, as Python."""
 
-from __future__ import annotations
-
 from simulation import shrink
 from simulation.checks import BrokenError
 from simulation.story import PERIOD, Event, Story

@@ -1,7 +1,5 @@
 """Which action servers are subscribed, of robots with many and of fleets with many robots."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.sources.action_servers import (
     MOST_UNNAMED,
     ActionServer,

@@ -1,7 +1,5 @@
 """The addresses of this machine as the kernel lists them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

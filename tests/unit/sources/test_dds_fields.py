@@ -1,7 +1,5 @@
 """Small topics are subscribed as they are offered, and taken no more often than they are read."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from unittest.mock import Mock
 

@@ -1,7 +1,5 @@
 """How goals are subscribed and taken, with a subscriber that stands in for DDS."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

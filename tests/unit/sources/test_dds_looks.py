@@ -1,7 +1,5 @@
 """What one look at the ROS graph reports, asks for and ends."""
 
-from __future__ import annotations
-
 from unittest.mock import Mock
 
 import pytest

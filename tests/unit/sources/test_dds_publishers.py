@@ -1,7 +1,5 @@
 """Who published a message, as long as the graph names publishers as the messages do."""
 
-from __future__ import annotations
-
 from unittest.mock import Mock
 
 from ros_diagnostics_exporter.model import Endpoint

@@ -1,7 +1,5 @@
 """Names of nodes that the middleware has forgotten, by the ids of their endpoints."""
 
-from __future__ import annotations
-
 from ros_diagnostics_exporter.sources import endpoint_names
 from ros_diagnostics_exporter.sources.endpoint_names import NO_NODE, EndpointNames
 from ros_diagnostics_exporter.sources.graph_topics import Peer

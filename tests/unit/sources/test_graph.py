@@ -1,7 +1,5 @@
 """What the ROS graph shows of robots, as statuses; time is given."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable

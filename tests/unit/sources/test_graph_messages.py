@@ -1,7 +1,5 @@
 """What nodes log, and say of their life cycle and parameters; time is given."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """While a subscription replaces another one, each message is taken once."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """Loss and delay by what the middleware says of each message."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.sources.link import (

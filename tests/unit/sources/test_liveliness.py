@@ -1,7 +1,5 @@
 """Tokens of the bridge (as version 1.10.2 sends them) and of rmw_zenoh's published design."""
 
-from __future__ import annotations
-
 import pytest
 
 from ros_diagnostics_exporter.sources.zenoh import TOKENS, Token, parse

@@ -1,7 +1,5 @@
 """Queries of Prometheus: what is asked, which robots and components the answer is, what fails."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -1,7 +1,5 @@
 """What all sources of messages share: an error in a piece of a turn is counted, and it goes on."""
 
-from __future__ import annotations
-
 from unittest.mock import Mock
 
 from ros_diagnostics_exporter.loops import read_clocks

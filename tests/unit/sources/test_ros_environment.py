@@ -1,7 +1,5 @@
 """What ROS gets: its arguments, profiles of Fast DDS, and a folder for logs."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

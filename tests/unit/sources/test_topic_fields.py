@@ -1,7 +1,5 @@
 """Fields of messages become the statuses of components."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Where ROS is absent, a sentence says so and what to do; nothing is made up."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

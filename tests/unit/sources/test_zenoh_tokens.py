@@ -1,7 +1,5 @@
 """How many tokens are noted, and how often all are looked at: anybody may declare some."""
 
-from __future__ import annotations
-
 import time
 from types import SimpleNamespace
 from unittest.mock import Mock
