@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.cli.systemd import passed_sockets
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.sources.dds import check_ros
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
-    except (InUseError, RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, RosMissingError, ListenError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 

@@ -89,7 +89,7 @@ def test_a_check_of_the_config_looks_at_that_of_the_web_too(fleet_file, tmp_path
     assert "basic_auth_user" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("error", [main.InUseError, main.RosMissingError, main.UnreachableError])
+@pytest.mark.parametrize("error", [main.InUseError, main.RosMissingError])
 def test_what_may_be_over_soon_is_1_so_that_systemd_starts_it_again(monkeypatch, error, capsys):
     def run(_options, _for_ros):
         raise error("not now")
