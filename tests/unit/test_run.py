@@ -19,8 +19,8 @@ CHECKOUT = Path(__file__).parents[2]
 ORIGINAL = "#!/bin/sh\n# the administrator's\nexit 104\n"
 MARK = "# ./run installs: "
 BASICS = (
-    *("bash", "basename", "cat", "cksum", "date", "dirname", "du", "flock", "grep", "head"),
-    *("mkdir", "sed", "sh", "sleep", "sort", "touch", "uname", "wc"),
+    *("bash", "basename", "cat", "cksum", "cmp", "date", "dirname", "du", "flock", "grep", "head"),
+    *("ln", "mkdir", "sed", "sh", "sleep", "sort", "touch", "uname", "wc"),
 )
 CHANGING = ("chmod", "cp", "mv", "rm")  # where a killed installer leaves something unfinished
 # A fake program notes its call.
@@ -115,7 +115,7 @@ class Machine:
 
     def pip(self) -> list[str]:
         """What pip was told to install, by each call."""
-        calls = (call.partition("-m pip install --quiet ") for call in self.calls())
+        calls = (call.partition("-m pip install --quiet --no-compile ") for call in self.calls())
         return [arguments for _, found, arguments in calls if found]
 
     def calls(self) -> list[str]:
@@ -234,6 +234,24 @@ def test_a_verb_installs_the_packages_that_it_needs_once(machine):
         file.write("two==2\n")
     machine.run("demo")
     assert machine.pip() == [*project, *tools, *project, *tools, *project]
+
+
+def test_each_library_is_there_once_and_headers_are_not(machine):
+    machine.run("demo")
+    environment = machine.checkout / ".venv"
+    (environment / "include" / "fastdds").mkdir(parents=True)
+    (environment / "lib").mkdir()
+    for name, text in (("a.so", "a"), ("a.so.2", "a"), ("a.so.2.1", "a"), ("a.so.3", "b")):
+        (environment / "lib" / f"lib{name}").write_text(text)
+
+    for _ in range(2):
+        machine.run("demo")
+
+        library = environment / "lib" / "liba.so"
+        assert library.stat().st_nlink == 3
+        assert library.with_name("liba.so.2.1").samefile(library)
+        assert library.with_name("liba.so.3").read_text() == "b"
+        assert not (environment / "include").exists()
 
 
 def test_each_installation_says_what_it_installs(machine):
