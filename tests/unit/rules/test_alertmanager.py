@@ -1,5 +1,7 @@
 """The shipped Alertmanager configuration and its templates, rendered by amtool."""
 
+from __future__ import annotations
+
 import html
 import json
 import re
