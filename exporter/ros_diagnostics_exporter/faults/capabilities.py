@@ -172,8 +172,13 @@ def is_maintained(book: Book, robot: RobotRecord | None, part: PartName) -> bool
 def _of_part(book: Book, robot: RobotRecord, part: PartName) -> Standing:
     """How good a part of a robot is, by the problems that it has."""
     worst = FINE
+    is_known = any(each.is_fault and part in each.parts for each in robot.capabilities.values())
     for problem in _problems_of(robot, part):
         state = _state_of_part(problem)
+        component = problem.component
+        # Switched off as planned it is as good as when it is on, unless it is known to be broken.
+        if component and component.is_planned_stale and not (is_known or problem.fault):
+            continue
         if state is CapabilityState.OK or state < worst.state:
             continue
         due = book.due(problem, as_part=True)

@@ -201,7 +201,8 @@ class RobotRegistry:
         robot.record("forgotten", now)
         self._faults.remove(robot, now)
         self._unbind(robot)
-        robot.components.remove_all()
+        for component in list(robot.components):
+            robot.components.remove(component)
         robot.series.remove(SERIES_OF_ROBOT)
         self._not_publishing.pop(robot.settings.name, None)
         del self.robots[robot.settings.name]

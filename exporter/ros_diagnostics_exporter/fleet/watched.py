@@ -450,7 +450,7 @@ class WatchedFleet(ABC):
                 if component.identity[0] not in names:
                     robot.forget(component, now)
             robot.network.expected_nodes = report.expected
-            robot.set_lossy(now, lossy=report.lossy)
+            robot.set_reading(now, lossy=report.lossy, unread=report.unread)
             robot.network.watched, robot.network.logs = report.watched, report.logs
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))

@@ -5,7 +5,7 @@ Every change of a level passes here, whether an array, silence or the config cau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
 
@@ -67,6 +67,7 @@ class Components:
     arrays_since: float = -inf  # when they came again, monotonic
     has_arrays: bool = False  # since the robot was silent
     _is_lossy: bool = False  # so are too many of its messages that say nothing
+    unread: Container[str] = frozenset()  # components of fields whose topics are not read
     _checked: list[tuple[str, list[Component]]] = field(default_factory=list)
     _checked_at: int = -1  # the last change that `_checked` is made of
 
@@ -214,11 +215,6 @@ class Components:
         self._marks.forget(component)
         self._marks.note(Mark.NAMES)
 
-    def remove_all(self) -> None:
-        """Remove all components."""
-        for component in list(self.by_identity.values()):
-            self.remove(component)
-
     def configure(self, profile: config.Profile, limits: config.Limits, now: Instant) -> None:
         """Apply another profile, and other limits, to every component."""
         self._profile, self._limits = profile, limits
@@ -234,7 +230,7 @@ class Components:
                     component.stale_at_source = False
                 if self.receives_arrays(now) and not component.missing:
                     self._go_on(component, now)
-                self.next_late = min(self.next_late, component.ends_at)
+                self._expect(component, now)
 
     def _follow_profile(self, component: Component, now: Instant) -> bool:
         """Apply the profile's rules for its name; False if they ignore it."""
@@ -379,7 +375,7 @@ class Components:
             if component.is_on_change and component.is_published is published:
                 component.skip(absence + TIME_TO_START)
                 self._go_on(component, now)
-                self.next_late = min(self.next_late, component.ends_at)
+                self._expect(component, now)
 
     def _go_on(self, component: Component, now: Instant) -> None:
         """Give what is published only on a change the level again that was published last."""
@@ -387,19 +383,23 @@ class Components:
         if component.is_stale and level is not None and level != STALE:
             self._set_level(component, level, now)
 
-    def follow_loss(self, now: Instant, *, lossy: bool) -> None:
+    def follow_reading(self, now: Instant, *, lossy: bool, unread: Container[str]) -> None:
         """Have what is STALE judged again, as too many messages are lost or no longer are.
 
-        What is published only on a change may have been published again, and lost: its time to end
-        begins anew.
+        What is published only on a change may have been published again, and lost or not read: its
+        time to end begins anew.
         """
-        self._is_lossy = lossy
-        for component in self.by_identity.values():
+        was_unread = {each for each in self if each.is_on_change and self._is_unread(each)}
+        self._is_lossy, self.unread = lossy, unread
+        for component in self:
             if component.is_stale:
                 self.report_again(component)
-            if component.is_on_change and not lossy:
+            if component in was_unread and not self._is_unread(component):
                 component.skip_to(now.mono)
-                self.next_late = min(self.next_late, component.ends_at)
+                self._expect(component, now)
+
+    def _is_unread(self, component: Component) -> bool:
+        return self._is_lossy or (component.is_of_fields and component.identity[0] in self.unread)
 
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
@@ -440,7 +440,7 @@ class Components:
         """When it is late, or what is published only on a change is over, monotonic."""
         if component.rule is not None and component.is_on_change:
             is_known = self.receives_arrays(now) if component.is_published else up
-            return component.ends_at if is_known and not self._is_lossy else inf
+            return component.ends_at if is_known and not self._is_unread(component) else inf
         if component.is_stale or component.received is None:
             return inf
         return component.received + self._stale_after(component)

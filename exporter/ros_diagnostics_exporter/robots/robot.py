@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
@@ -414,11 +414,11 @@ class RobotState:
         if self.clock_offset is None:
             self.clock_behind = reading and reading.behind
 
-    def set_lossy(self, now: Instant, *, lossy: bool) -> None:
-        """Set whether so many messages are lost that what is STALE may be well."""
-        if lossy != self.network.lossy:
+    def set_reading(self, now: Instant, *, lossy: bool, unread: Container[str]) -> None:
+        """Set whether so many messages are lost that what is STALE may be well; what is unread."""
+        if (lossy, unread) != (self.network.lossy, self.components.unread):
             self.network.lossy = lossy
-            self.components.follow_loss(now, lossy=lossy)
+            self.components.follow_reading(now, lossy=lossy, unread=unread)
 
     @property
     def fails_as_uplink(self) -> bool:

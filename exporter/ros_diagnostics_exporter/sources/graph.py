@@ -330,7 +330,8 @@ class GraphWatch:
             if now.mono >= robot.report_at:
                 report = robot.report(name, now)
                 if report is not None:
-                    yield report
+                    unread = self._entries[domain].components(name, robot.messages.given_up)
+                    yield report._replace(unread=unread)
 
     # -- by a person -----------------------------------------------------------------------------
 

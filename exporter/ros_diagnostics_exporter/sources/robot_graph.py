@@ -86,7 +86,8 @@ class Report(NamedTuple):
     ``held`` are components of which nothing is known yet, or any more; so many nodes are
     ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
     ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
-    Of a robot that is not watched any more, ``expected`` is None, and nothing is wrong.
+    Of a robot that is not watched any more, ``expected`` is None, and nothing is wrong. ``unread``
+    are the components of fields of which no topic is read.
     """
 
     robot: str
@@ -98,6 +99,7 @@ class Report(NamedTuple):
     events: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
     watched: float | None = None
+    unread: frozenset[str] = frozenset()
 
     def by_feed(self) -> Iterator[tuple[Feed, tuple[Status, ...]]]:
         """The statuses: what fleet.yml asks for is nothing learned, and so never a shadow."""

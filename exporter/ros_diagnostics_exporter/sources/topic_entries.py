@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.decode.messages import (
     UndecodableError,
     UnknownTypeError,
 )
-from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.model import Domain, Instant, Status
 from ros_diagnostics_exporter.sources.action_servers import STATUS
 from ros_diagnostics_exporter.sources.topic_fields import NoFieldError, status_of
 
@@ -101,6 +101,13 @@ class TopicEntries:
     def robots(self, topic: str) -> Iterable[str]:
         """The robots that ask for a topic."""
         return dict.fromkeys(each.robot for each in self._readers.get(topic, ()))
+
+    def components(self, robot: str, unread: Iterable[tuple[Domain, str]]) -> frozenset[str]:
+        """The components of a robot that are not read: by domain, these, and those of topics."""
+        found = {about for _domain, about in unread}
+        for topic in found & self._readers.keys():
+            found |= {each.entry.component for each in self._readers[topic] if each.robot == robot}
+        return frozenset(found)
 
     def publishing(self, topics: Container[str]) -> set[str]:
         """The robots of which any of the topics that are asked for is among these."""

@@ -1,5 +1,7 @@
 """Mistakes that were made where two features meet: each was seen once, by a person."""
 
+import pytest
+
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from ros_diagnostics_exporter.faults.model import (
     CapabilityState,
@@ -33,6 +35,11 @@ UPPER, LOWER = "lidar upper", "lidar lower"
 VIEW = WantedCapability("view", AtLeast(1, (PartName(component=UPPER), PartName(component=LOWER))))
 CRITICAL = f"began component/critical r1 {UPPER}"
 SIX = [f"r{number}" for number in range(1, 7)]
+
+
+def can_see_by_one(faults, now):
+    seen = WantedCapability("view", AtLeast(None, (PartName(component=UPPER),)))
+    return faults.configure_capabilities("r1", [seen], now)
 
 
 def can(*events):
@@ -78,6 +85,27 @@ def test_what_is_switched_off_as_planned_explains_nothing():
         (10, level(UPPER, ERROR, **on_board)),
         (20, None, CRITICAL),
     )
+
+
+@pytest.mark.parametrize("seconds", [0, 2])
+def test_what_is_switched_off_as_planned_takes_nothing_from_what_its_robot_can_do(seconds):
+    """Whether it was OK until then, or ERROR while it was switched off."""
+    last = player(["r1"], FaultSettings())
+    last.go(0, can_see_by_one, level(UPPER, ERROR if seconds else OK, planned_stale=True))
+    last.go(seconds, level(UPPER, STALE, planned_stale=True))
+    assert last.go(600) == []
+    assert last.faults.capabilities("r1")["view"].state is CapabilityState.OK
+
+
+def test_what_is_lost_is_not_found_because_its_part_is_switched_off_as_planned():
+    last = play(
+        (0, together(can_see_by_one, level(UPPER, ERROR, planned_stale=True))),
+        (10, None, "began capability/lost r1 view"),
+        (60, together(can_see_by_one, level(UPPER, STALE, planned_stale=True))),
+        (600, None),
+    )
+    assert last.faults.capabilities("r1")["view"].state is CapabilityState.UNKNOWN
+    assert texts(last.go(601, level(UPPER, OK))) == ["recovered capability/lost r1 view"]
 
 
 def test_components_that_flash_while_they_are_switched_off_are_not_many():

@@ -124,6 +124,20 @@ def test_a_large_message_gives_its_topic_up_for_an_hour(driver):
     assert driver.state.watched_topics(0, TYPES, driver.now).keys() == TYPES.keys()
 
 
+def test_a_topic_that_is_given_up_does_not_count_towards_the_end_of_its_component(tmp_path):
+    """Nobody could have received it again; once it is read, its time begins anew."""
+    rule = "    components: [{match: E-stop, reports: on_change, ends_after: 5m}]\n"
+    driver = Driver(fleet=fleet_of(tmp_path, text=FLEET + rule))
+    driver.go_on(15, e_stop=Bool(data=True), battery_state=BatteryState(percentage=0.5))
+    driver.send("/r/e_stop", bytes(100_000))
+    driver.go_on(3600, battery_state=BatteryState(percentage=0.5))
+    assert driver.faults() == [("E-stop", "critical"), ("watch", "warning")]
+    driver.go_on(200, battery_state=BatteryState(percentage=0.5))
+    assert driver.faults() == [("E-stop", "critical")]
+    driver.go_on(200, battery_state=BatteryState(percentage=0.5))
+    assert driver.faults() == []
+
+
 def test_topics_of_fields_have_the_budget_of_all_that_is_watched(driver):
     driver.go_on(3, battery_state=BatteryState(), e_stop=Bool())
     driver.state.note_watched(0, {"/r/battery_state": 30_000.0, "/r/e_stop": 10.0}, driver.now)
