@@ -8,7 +8,7 @@ to be repaired all the same. What is in maintenance is left out in both directio
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import inf
 
 from ros_diagnostics_exporter.faults import needs, suppression
@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.needs import (
     FINE,
+    MISSING,
     NOT_KNOWN,
     Bad,
     NeedView,
@@ -69,8 +70,9 @@ def configure(
         parts[each.name] = set(needs.parts_of(each.need, parts))
         # After a restart, components that its patterns match may not have been received yet.
         known = robot is not None and capability.wanted is not None
-        if known and not capability.parts.keys() <= parts[each.name]:
-            gone += capability.problems.values()
+        if known:
+            wanted_parts = dict(zip(parts[each.name], parts[each.name], strict=True))
+            gone += _follow_parts(book, capability, wanted_parts.get, now)
         capability.wanted = each
         records[each.name] = capability
     for capability in former.values():
@@ -82,6 +84,44 @@ def configure(
     book.touched_robots[robot] = None
     book.touch(robot.all_problems())
     book.followed[robot.name] = None
+    return gone
+
+
+def _follow_parts(
+    book: Book,
+    capability: CapabilityRecord,
+    named: Callable[[PartName], PartName | None],
+    now: Instant,
+) -> Iterable[Problem]:
+    """Have its parts as they are ``named`` now, or no longer; what rested on none but these."""
+    former = capability.parts
+    found = {named(part): bad for part, bad in former.items()}
+    capability.parts = {part: bad for part, bad in found.items() if part is not None}
+    if None in found:
+        capability.thinned = now.mono
+    if capability.parts != former:
+        book.write(capability)
+    return list(capability.problems.values()) if former and not capability.parts else ()
+
+
+def follow_component(
+    book: Book, robot: RobotRecord, old: ComponentName, new: ComponentName | None, now: Instant
+) -> list[Problem]:
+    """Have a component as a part by its new name, or (None) no longer; see `_follow_parts`."""
+
+    def named(part: PartName) -> PartName | None:
+        if (part.group, part.component) != old:
+            return part
+        return None if new is None else part._replace(group=new.group, component=new.component)
+
+    gone: list[Problem] = []
+    for capability in robot.capabilities.values():
+        wanted = capability.wanted
+        if wanted is not None:
+            need = needs.with_parts(wanted.need, named) or MISSING
+            capability.wanted = wanted._replace(need=need)
+        gone += _follow_parts(book, capability, named, now)
+    book.touched_robots[robot] = None
     return gone
 
 

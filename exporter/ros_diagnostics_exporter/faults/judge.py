@@ -111,8 +111,9 @@ def judge_explained(book: Book, explainer: Problem, explained: list[Problem], no
 def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
         if problem.effect.ends and suppression.why_not_end(problem) is None:
-            by_person = problem.cause is not None and problem.cause.thinned
-            reason: Literal["removed", "recovered"] = "removed" if by_person else "recovered"
+            reason: Literal["removed", "recovered"] = "recovered"
+            if problem.is_thinned(now):
+                reason = "removed"
             _drop(book, problem, now)
             ends.add(book, problem.fault, reason, now)
             return Change(reason, problem.fault, now.wall)

@@ -7,7 +7,7 @@ say. Where just k of more can be used, it has no reserve.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from types import MappingProxyType
 from typing import NamedTuple
@@ -130,6 +130,14 @@ def _kth_best(k: int, standings: list[Standing]) -> Standing:
         dues = sorted(each.due for each in bad if each.state >= state)[: len(standings) - k + 1]
     parts = {part: its for each in bad for part, its in each.parts.items()}
     return Standing(state, MappingProxyType(parts), dues[-1], any(each.absent for each in bad))
+
+
+def with_parts(need: Need, named: Callable[[PartName], PartName | None]) -> Need | None:
+    """The expression with its parts as they are ``named`` now, without those that are None."""
+    if isinstance(need, AtLeast):
+        found = (with_parts(each, named) for each in need.of)
+        return replace(need, of=tuple(each for each in found if each is not None))
+    return named(need) if isinstance(need, PartName) else need
 
 
 def parts_of(need: Need, others: Mapping[str, Iterable[PartName]]) -> Iterator[PartName]:

@@ -168,6 +168,12 @@ class Problem(Subject):
         """Whether it is of severity critical; else of warning."""
         return severity_of(self.identity) == "critical"
 
+    def is_thinned(self, now: Instant) -> bool:
+        """Whether a person has just taken out some of what it is about."""
+        if self.cause is not None:
+            return self.cause.thinned
+        return self.capability is not None and self.capability.thinned == now.mono
+
     @property
     def in_downtime(self) -> bool:
         """Whether what it is about is in a planned downtime."""
@@ -434,7 +440,7 @@ class CapabilityRecord(Subject):
     ``wanted`` is None until it is configured. ``state`` is how good it is, ``due`` (monotonic)
     when its parts have been so for their confirm_after. ``parts`` keep it from being OK, and
     ``worst`` is how bad it is, both as when last known. ``adopted``: it was a fault before the
-    start, and its parts then are not known.
+    start, and its parts then are not known. ``thinned`` (monotonic): when a person took out some.
     """
 
     robot: RobotRecord | None
@@ -444,6 +450,7 @@ class CapabilityRecord(Subject):
     worst: CapabilityState = CapabilityState.UNKNOWN
     due: float = -inf
     adopted: bool = False
+    thinned: float = -inf
     parts: dict[PartName, Bad] = field(default_factory=dict)
     problems: dict[State, Problem] = field(default_factory=dict)
     row: RowKey = field(init=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.faults import causes, components, ends, trends
+from ros_diagnostics_exporter.faults import capabilities, causes, components, ends, trends
 from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
@@ -36,12 +36,13 @@ def remove_component(
 ) -> list[Change]:
     """Take out a component, if it has a record."""
     trends.drop(robot, name)
+    changes = end_all(book, capabilities.follow_component(book, robot, name, None, now), now)
     component = robot.components.get(name)
     if component is None:
-        return []
+        return changes
     _uncount(book, component)
     component.since, component.flaps = None, None
-    changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
+    changes += end_all(book, (*component.problems.values(), *component.values.values()), now)
     if name in robot.components:  # it went with its last problem, if it had one
         book.drop_component(component)
     _thin(book, robot.many)
@@ -52,38 +53,40 @@ def move_component(
     book: Book, robot: RobotRecord, old: ComponentName, new: ComponentName, now: Instant
 ) -> list[Change]:
     """Give a component another name: each of its faults ends under the old and begins here."""
-    component = robot.components.get(old)
-    if old != new:
-        trends.drop(robot, old)
-    if component is None or old == new:
+    if old == new:
         return []
+    trends.drop(robot, old)
     changes = remove_component(book, robot, new, now)
-    moved = ComponentRecord(robot, new, component.settings)
-    moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
-    moved.counted, moved.explained_until = component.counted, component.explained_until
-    moved.boots_until, moved.returns_until = component.boots_until, component.returns_until
-    moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
-    moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
-    changes += remove_component(book, robot, old, now)
-    book.add_component(moved)
-    for problem in (*moved.problems.values(), *moved.values.values()):
-        book.touch((book.add_problem(problem),))
-        if problem.fault is not None:
-            ends.drop(book, problem.identity)
-            changes.append(Change("began", problem.fault, now.wall))
-    components.wake(book, moved)
-    causes.count_component(book, moved, now)
+    capabilities.follow_component(book, robot, old, new, now)
+    component = robot.components.get(old)
+    if component is None:
+        return changes
+    counted, problems = component.counted, list(component.all_problems())
+    _uncount(book, component)
+    book.drop_component(component)
+    component.name, component.counted, component.noted = new, counted, None
+    component.row = ("component", (robot.name, *new))
+    book.add_component(component)
+    for problem in problems:
+        changes += _rename(book, problem, new, now)
+    components.wake(book, component)
+    causes.count_component(book, component, now)
     return changes
 
 
-def _renamed(old: Problem, component: ComponentRecord) -> Problem:
-    group, name = component.name
-    identity = old.identity._replace(group=group, component=name)
-    problem = Problem(identity, old.since, robot=old.robot, component=component)
-    problem.clock, problem.verdict = old.clock, old.verdict
-    problem.restored, problem.boots_until = old.restored, old.boots_until
-    problem.fault = None if old.fault is None else replace(old.fault, identity=identity)
-    return problem
+def _rename(book: Book, problem: Problem, name: ComponentName, now: Instant) -> list[Change]:
+    del book.problems[problem.identity]
+    book.write(problem)
+    ended = problem.fault
+    problem.identity = problem.identity._replace(group=name.group, component=name.component)
+    problem.row = ("problem", problem.identity)
+    book.touch((book.add_problem(problem),))
+    if ended is None:
+        return []
+    ends.add(book, ended, "removed", now)
+    ends.drop(book, problem.identity)
+    problem.fault = replace(ended, identity=problem.identity)
+    return [Change("removed", ended, now.wall), Change("began", problem.fault, now.wall)]
 
 
 def remove_check(book: Book, robot: RobotRecord, check: str, now: Instant) -> list[Change]:

@@ -100,6 +100,8 @@ class RobotReports:
             boot_grace=profile.boot_grace,
         )
         changes = faults.configure_robot(name, settings, now, declared=robot.declared)
+        if robot.marks.at[Mark.NAMES] > self.read:
+            changes += self._follow_names(faults, now)  # of which its capabilities are made
         self._capabilities = RobotCapabilities(robot)
         if profile.capabilities:
             changes += self._report_capabilities(faults, now)

@@ -19,8 +19,10 @@ from support.fault_histories import (
     WALL,
     WARN,
     back,
+    forget,
     level,
     levels,
+    moved,
     on_robots,
     play,
     player,
@@ -106,6 +108,50 @@ def test_what_is_lost_is_not_found_because_its_part_is_switched_off_as_planned()
     )
     assert last.faults.capabilities("r1")["view"].state is CapabilityState.UNKNOWN
     assert texts(last.go(601, level(UPPER, OK))) == ["recovered capability/lost r1 view"]
+
+
+def can_by(*parts: PartName):
+    """What another array makes of the robot's capability, once a part is gone or has moved."""
+    view = WantedCapability("view", AtLeast(1, parts))
+    return lambda faults, now: faults.configure_capabilities("r1", [view], now)
+
+
+def test_what_is_lost_stays_lost_while_its_part_moves_to_another_group():
+    again = can_by(PartName("top", UPPER), PartName(component=LOWER))
+    play(
+        (0, can(levels([UPPER, LOWER], ERROR))),
+        (10, None, "began capability/lost r1 view"),
+        (60, together(moved(UPPER, "", "top"), again)),
+        (
+            300,
+            together(again, level(UPPER, OK, group="top")),
+            "recovered capability/lost r1 view",
+            "began capability/no_reserve r1 view",
+        ),
+        (310, together(again, level(LOWER, OK)), "recovered capability/no_reserve r1 view"),
+    )
+
+
+def test_what_is_lost_stays_lost_while_a_person_takes_out_one_of_its_parts():
+    again = can_by(PartName(component=LOWER))
+    play(
+        (0, can(levels([UPPER, LOWER], ERROR))),
+        (10, None, "began capability/lost r1 view"),
+        (60, together(forget("r1", UPPER), again)),
+        (300, together(again, level(LOWER, OK)), "recovered capability/lost r1 view"),
+    )
+
+
+def test_what_had_no_reserve_for_a_part_that_a_person_takes_out_is_removed():
+    play(
+        (0, can(level(UPPER, ERROR))),
+        (10, None, "began capability/no_reserve r1 view"),
+        (
+            60,
+            together(forget("r1", UPPER), can_by(PartName(component=LOWER))),
+            "removed capability/no_reserve r1 view",
+        ),
+    )
 
 
 def test_components_that_flash_while_they_are_switched_off_are_not_many():

@@ -204,3 +204,22 @@ def test_when_it_is_needed_is_followed_where_nothing_else_has_a_condition(tmp_pa
     assert faults(driver) == {("dock", "lost")}
     publish(driver, broken, status_of("Mode OK off"), seconds=60)
     assert (states(driver), faults(driver)) == ({}, {("Dock", "critical")})
+
+
+VIEW = """
+fleet: f
+robots: [{name: r, topic: /r/diagnostics, source: raw}]
+profiles:
+  default:
+    components: []
+    capabilities: {view: {any: [Lidar A, Lidar B]}}
+"""
+LIDARS = (Status(OK, "Lidar A"), Status(OK, "Lidar B"))
+BLIND = tuple(each._replace(level=ERROR) for each in LIDARS)
+
+
+def test_a_component_that_a_reload_ignores_is_no_part_that_works(tmp_path):
+    driver = StateDriver(fleet=load_text(tmp_path, VIEW)).stand(SETTLED, *LIDARS)
+    rule = VIEW.replace("components: []", "components: [{match: Lidar A, ignore: true}]")
+    driver.configure(load_text(tmp_path, rule)).stand(12, *BLIND)
+    assert driver.fault_names() == {("capability", "lost", "r", "view")}
