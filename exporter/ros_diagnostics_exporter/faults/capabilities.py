@@ -72,7 +72,7 @@ def configure(
         known = robot is not None and capability.wanted is not None
         if known:
             wanted_parts = dict(zip(parts[each.name], parts[each.name], strict=True))
-            gone += _follow_parts(book, capability, wanted_parts.get, now)
+            gone += _follow_parts(book, capability, wanted_parts.get)
         capability.wanted = each
         records[each.name] = capability
     for capability in former.values():
@@ -88,24 +88,19 @@ def configure(
 
 
 def _follow_parts(
-    book: Book,
-    capability: CapabilityRecord,
-    named: Callable[[PartName], PartName | None],
-    now: Instant,
+    book: Book, capability: CapabilityRecord, named: Callable[[PartName], PartName | None]
 ) -> Iterable[Problem]:
     """Have its parts as they are ``named`` now, or no longer; what rested on none but these."""
     former = capability.parts
     found = {named(part): bad for part, bad in former.items()}
     capability.parts = {part: bad for part, bad in found.items() if part is not None}
-    if None in found:
-        capability.thinned = now.mono
     if capability.parts != former:
         book.write(capability)
     return list(capability.problems.values()) if former and not capability.parts else ()
 
 
 def follow_component(
-    book: Book, robot: RobotRecord, old: ComponentName, new: ComponentName | None, now: Instant
+    book: Book, robot: RobotRecord, old: ComponentName, new: ComponentName | None
 ) -> list[Problem]:
     """Have a component as a part by its new name, or (None) no longer; see `_follow_parts`."""
 
@@ -120,7 +115,7 @@ def follow_component(
         if wanted is not None:
             need = needs.with_parts(wanted.need, named) or MISSING
             capability.wanted = wanted._replace(need=need)
-        gone += _follow_parts(book, capability, named, now)
+        gone += _follow_parts(book, capability, named)
     book.touched_robots[robot] = None
     return gone
 

@@ -160,6 +160,8 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
     """Take problems out, as a person wants it; those that were faults, as changes."""
     ordered = sorted(problems, key=attrgetter("identity"))
     for problem in ordered:
+        if problem.robot is not None:
+            problem.robot.thinned = now.mono
         _drop(book, problem, now)
         if problem.fault is not None:
             ends.add(book, problem.fault, "removed", now)

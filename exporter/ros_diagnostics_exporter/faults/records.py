@@ -172,7 +172,8 @@ class Problem(Subject):
         """Whether a person has just taken out some of what it is about."""
         if self.cause is not None:
             return self.cause.thinned
-        return self.capability is not None and self.capability.thinned == now.mono
+        robot = None if self.capability is None else self.robot
+        return robot is not None and robot.thinned == now.mono
 
     @property
     def in_downtime(self) -> bool:
@@ -336,6 +337,7 @@ class RobotRecord(Subject):
     booted_until: float = -inf  # for its boot_grace after it came back
     is_restarted: bool = False  # the exporter has just begun to listen, and not the robot to speak
     history_before: FlapHistory | None = None  # before it fell silent, if that counts
+    thinned: float = -inf  # when a person took out anything of it, monotonic
     cut_off_since: float | None = None  # not written: reported anew after a start
     has_dependencies: bool = False  # a component of it depends, or did, on another
     total: int = 0
@@ -440,7 +442,7 @@ class CapabilityRecord(Subject):
     ``wanted`` is None until it is configured. ``state`` is how good it is, ``due`` (monotonic)
     when its parts have been so for their confirm_after. ``parts`` keep it from being OK, and
     ``worst`` is how bad it is, both as when last known. ``adopted``: it was a fault before the
-    start, and its parts then are not known. ``thinned`` (monotonic): when a person took out some.
+    start, and its parts then are not known.
     """
 
     robot: RobotRecord | None
@@ -450,7 +452,6 @@ class CapabilityRecord(Subject):
     worst: CapabilityState = CapabilityState.UNKNOWN
     due: float = -inf
     adopted: bool = False
-    thinned: float = -inf
     parts: dict[PartName, Bad] = field(default_factory=dict)
     problems: dict[State, Problem] = field(default_factory=dict)
     row: RowKey = field(init=False)

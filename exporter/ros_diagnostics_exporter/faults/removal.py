@@ -36,7 +36,7 @@ def remove_component(
 ) -> list[Change]:
     """Take out a component, if it has a record."""
     trends.drop(robot, name)
-    changes = end_all(book, capabilities.follow_component(book, robot, name, None, now), now)
+    changes = end_all(book, capabilities.follow_component(book, robot, name, None), now)
     component = robot.components.get(name)
     if component is None:
         return changes
@@ -57,7 +57,7 @@ def move_component(
         return []
     trends.drop(robot, old)
     changes = remove_component(book, robot, new, now)
-    capabilities.follow_component(book, robot, old, new, now)
+    capabilities.follow_component(book, robot, old, new)
     component = robot.components.get(old)
     if component is None:
         return changes

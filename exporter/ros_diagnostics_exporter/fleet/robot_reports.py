@@ -100,13 +100,9 @@ class RobotReports:
             boot_grace=profile.boot_grace,
         )
         changes = faults.configure_robot(name, settings, now, declared=robot.declared)
-        if robot.marks.at[Mark.NAMES] > self.read:
-            changes += self._follow_names(faults, now)  # of which its capabilities are made
         self._capabilities = RobotCapabilities(robot)
-        if profile.capabilities:
+        if self._presence is None and profile.capabilities:  # nothing is reported of it yet
             changes += self._report_capabilities(faults, now)
-        elif faults.capabilities(name):
-            changes += faults.configure_capabilities(name, (), now)
         expected = _expected(profile)
         for identity in list(faults.identities(name)):
             if identity.scope is Scope.CHECK and identity.check not in expected:
@@ -174,7 +170,7 @@ class RobotReports:
         if presence != self._presence:
             changes += self._report_presence(faults, presence, now)
         marks, profile = self.robot.marks, self.robot.settings.profile
-        renamed = marks.at[Mark.NAMES] > self.read
+        renamed, anew = marks.at[Mark.NAMES] > self.read, self._everything
         if renamed:
             changes += self._follow_names(faults, now)
         if renamed or self._everything:
@@ -195,6 +191,8 @@ class RobotReports:
             self._everything = False
         if profile.capabilities:
             changes += self._report_capabilities(faults, now)
+        elif anew and faults.capabilities(self.robot.settings.name):
+            changes += faults.configure_capabilities(self.robot.settings.name, (), now)
         self.read = marks.count
         self.is_up = self._presence == "up" and not self._awaited
         return changes

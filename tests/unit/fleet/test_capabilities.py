@@ -1,6 +1,7 @@
 """What a robot can do, from fleet.yml and arrays to faults, metrics, snapshot and page."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -223,3 +224,14 @@ def test_a_component_that_a_reload_ignores_is_no_part_that_works(tmp_path):
     rule = VIEW.replace("components: []", "components: [{match: Lidar A, ignore: true}]")
     driver.configure(load_text(tmp_path, rule)).stand(12, *BLIND)
     assert driver.fault_names() == {("capability", "lost", "r", "view")}
+
+
+def test_a_reload_that_drops_a_capability_and_the_thresholds_of_its_part_begins_nothing(driver):
+    low = Status(OK, "Battery", "", "", (("Charge", "5"),))
+    publish(driver, low)
+    assert driver.fault_names() == {("capability", "lost", "r", "charge")}
+    (robot,) = driver.state.fleet.robots
+    driver.follow_profile(replace(robot.profile, capabilities={}, values=()))
+    publish(driver, low)
+    ended = [each for each in driver.events if each.kind.startswith("fault")][1:]
+    assert [(each.reason, each.check) for each in ended] == [("removed", "charge")]
