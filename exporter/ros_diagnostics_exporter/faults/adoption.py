@@ -24,10 +24,8 @@ from ros_diagnostics_exporter.faults.records import (
     ComponentRecord,
     FlapHistory,
     Presence,
-    Problem,
     RobotRecord,
 )
-from ros_diagnostics_exporter.faults.rows import give_to_owner
 from ros_diagnostics_exporter.model import Instant, Level
 
 
@@ -46,9 +44,7 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
         _prepare_robot(book, robot, identity, since, now)
     problem = book.problems.get(identity)
     if problem is None:
-        problem = Problem(identity, since)
-        give_to_owner(book, problem)
-        book.add_problem(problem)
+        problem = book.new_problem(identity, since)
     if problem.capability is not None:
         problem.capability.adopted = True
         book.write(problem.capability)

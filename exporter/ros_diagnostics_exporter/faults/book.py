@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import (
     NO_OTHERS,
+    ComponentName,
     Identity,
     Others,
     RobotSettings,
@@ -29,6 +30,7 @@ from ros_diagnostics_exporter.faults.records import (
     Subject,
 )
 from ros_diagnostics_exporter.loops import Timers
+from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
     "confirm",
@@ -169,9 +171,34 @@ class Book:
         self.timers.clear(("flaps", component))
         self.write(component)
 
-    def add_problem(self, problem: Problem) -> Problem:
-        """Keep a new problem, which its owner already has."""
-        self.problems[problem.identity] = problem
+    def new_problem(self, identity: Identity, since: Instant) -> Problem:
+        """A new problem, which what it is about has from now on."""
+        problem, scope = Problem(identity, since), identity.scope
+        robot = problem.robot = self.robots[identity.robot] if identity.robot else None
+        owner: dict[Any, Problem] = self.problems
+        key: Any = identity.state
+        if scope is Scope.CAPABILITY:
+            problem.capability = self.capability(robot, identity.check)
+            owner = problem.capability.problems
+        elif scope is Scope.EXPORTER:
+            self.own.setdefault(identity.component, CLOCK_TIME)
+            key = identity
+        elif robot is None or identity.state is State.MANY:
+            of = identity.site if scope is Scope.SITE else identity.component
+            problem.cause = self.cause(scope, of) if robot is None else robot.many
+            owner, key = problem.cause.problems, identity.severity
+        elif scope is Scope.CHECK:
+            owner, key = robot.checks, identity.check
+        elif scope is Scope.ROBOT:
+            owner = robot.problems
+        else:
+            name = ComponentName(identity.group, identity.component)
+            component = problem.component = robot.components[name]
+            owner = component.problems
+            if scope is Scope.VALUE:
+                owner, key = component.values, (identity.key, identity.bound, identity.state.value)
+        problem.place = owner, key
+        owner[key] = self.problems[identity] = problem
         self.write(problem)
         return problem
 
@@ -183,7 +210,13 @@ class Book:
         self.changed.pop(problem, None)
         self.timers.clear(("confirm", problem))
         self.write(problem)
-        _drop_from_owner(problem)
+        owner, key = problem.place
+        owner.pop(key, None)
+
+    def capability(self, robot: RobotRecord | None, name: str) -> CapabilityRecord:
+        """The capability of a robot or (None) the fleet; a new one if it is not configured yet."""
+        records = self.capabilities if robot is None else robot.capabilities
+        return records.setdefault(name, CapabilityRecord(robot, name))
 
     def cause(self, scope: Scope, name: str) -> Cause:
         """The cause of a site or a component name, made if it is new."""
@@ -251,19 +284,3 @@ class Book:
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]
         return any(robot.settings.uplink in self.robots for robot in robots)
-
-
-def _drop_from_owner(problem: Problem) -> None:
-    identity = problem.identity
-    if problem.cause is not None:
-        del problem.cause.problems[identity.severity]
-    elif problem.capability is not None:
-        del problem.capability.problems[identity.state]
-    elif problem.component is not None and identity.scope is Scope.VALUE:
-        del problem.component.values[identity.key, identity.bound, identity.state.value]
-    elif problem.component is not None:
-        del problem.component.problems[identity.state]
-    elif identity.scope is Scope.CHECK and problem.robot is not None:
-        del problem.robot.checks[identity.check]
-    elif problem.robot is not None:
-        del problem.robot.problems[identity.state]

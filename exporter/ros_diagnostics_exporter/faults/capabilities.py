@@ -120,12 +120,6 @@ def follow_component(
     return gone
 
 
-def find(book: Book, robot: RobotRecord | None, name: str) -> CapabilityRecord:
-    """The capability of a robot or (None) the fleet; a new one where it is not configured yet."""
-    records = book.capabilities if robot is None else robot.capabilities
-    return records.setdefault(name, CapabilityRecord(robot, name))
-
-
 # -- judged ------------------------------------------------------------------------------------
 
 
@@ -333,8 +327,7 @@ def _take_verdict(
     if problem is None and verdict >= Verdict.ABSENT:
         name = "" if robot is None else robot.name
         identity = Identity(Scope.CAPABILITY, state, robot=name, check=capability.name)
-        problem = Problem(identity, now, robot=robot, capability=capability)
-        capability.problems[state] = book.add_problem(problem)
+        problem = book.new_problem(identity, now)
         book.write(capability)
     if problem is None:
         return

@@ -26,7 +26,6 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
     Presence,
-    Problem,
     RobotRecord,
 )
 from ros_diagnostics_exporter.model import Instant, Level
@@ -172,10 +171,7 @@ def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
     for severity, (applies, since) in _severities(cause, now).items():
         problem = cause.problems.get(severity)
         if problem is None and applies is Verdict.FAILING and cause.active is not None:
-            problem = Problem(
-                _identity(cause, severity), cause.active, robot=cause.robot, cause=cause
-            )
-            cause.problems[severity] = book.add_problem(problem)
+            problem = book.new_problem(_identity(cause, severity), cause.active)
         if problem is None:
             continue
         is_healthy = cause.active is None or applies is Verdict.HEALTHY

@@ -11,7 +11,6 @@ from statistics import median
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.own import CLOCK
-from ros_diagnostics_exporter.faults.records import Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 LIMIT = 5.0  # seconds: far above a delay, and enough to confuse whoever compares logs
@@ -30,7 +29,7 @@ def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
         else:
             verdict = _verdict(offset, in_trouble=problem is not None)
         if problem is None and verdict is Verdict.FAILING:
-            problem = _add(book, robot, now)
+            problem = book.new_problem(Identity(Scope.ROBOT, State.CLOCK, robot=name), now)
         if problem is not None and problem.verdict is not verdict:
             book.give_verdict(problem, verdict)
 
@@ -41,7 +40,7 @@ def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdic
     if len(offsets) >= _ENOUGH:
         verdict = _verdict(median(offsets.values()), in_trouble=problem is not None)
     if problem is None and verdict is Verdict.FAILING:
-        problem = book.add_problem(Problem(CLOCK, now))
+        problem = book.new_problem(CLOCK, now)
     if problem is not None and problem.verdict is not verdict:
         book.give_verdict(problem, verdict)
     # Its fault says it of each robot also while too few are left to see it end.
@@ -52,9 +51,3 @@ def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdic
 def _verdict(offset: float, *, in_trouble: bool) -> Verdict:
     limit = _BACK if in_trouble else LIMIT
     return Verdict.FAILING if abs(offset) > limit else Verdict.HEALTHY
-
-
-def _add(book: Book, robot: RobotRecord, now: Instant) -> Problem:
-    problem = Problem(Identity(Scope.ROBOT, State.CLOCK, robot=robot.name), now, robot=robot)
-    robot.problems[State.CLOCK] = book.add_problem(problem)
-    return problem

@@ -78,9 +78,25 @@ def of_value(
     return Verdict.HEALTHY if good else Verdict.FAILING
 
 
-def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) -> Verdict:
-    """The verdict on a share of changes."""
-    return Verdict.FAILING if ratio >= (stop if in_trouble else start) else Verdict.HEALTHY
+def judge_flapping(
+    book: Book,
+    of: RobotRecord | ComponentRecord,
+    history: FlapHistory,
+    identity: Identity,
+    now: Instant,
+    *,
+    is_known: bool = True,
+) -> None:
+    """Judge how often it changes; unless ``is_known``, that it no longer does ends nothing."""
+    settings, problem = book.settings.flapping, of.problems.get(State.FLAPPING)
+    flaps = problem is not None and problem.verdict is not Verdict.HEALTHY
+    verdict = Verdict.HEALTHY if is_known else Verdict.NO_DATA
+    if history.ratio >= (settings.stop if flaps else settings.start):
+        verdict = Verdict.FAILING
+    if problem is None and verdict is Verdict.FAILING:
+        problem = book.new_problem(identity, now)
+    if problem is not None:
+        book.give_verdict(problem, verdict)
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -126,10 +142,8 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             # another fault, which no acknowledgement of the first one holds.
             since = now if state is State.CRITICAL else component.since
             identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
-            of, part = component.robot, component
-            problem = Problem(identity, since, robot=of, component=part)
+            problem = book.new_problem(identity, since)
             problem.by_setting = state is State.CRITICAL
-            component.problems[state] = book.add_problem(problem)
         if component.since is not None:
             problem.clock = component.since.mono
         if verdict is Verdict.FAILING:
@@ -237,7 +251,8 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     if number >= most:
         verdict = Verdict.FAILING
     if problem is None and verdict is Verdict.FAILING:
-        problem = _add_flapping(book, component, State.INTERMITTENT, now)
+        of = component.robot.name, *component.name
+        problem = book.new_problem(Identity(Scope.FLAPPING, State.INTERMITTENT, "", *of), now)
     if problem is not None:
         book.give_verdict(problem, verdict)
 
@@ -245,27 +260,12 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 def _judge_flapping(
     book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
 ) -> None:
-    problem = component.problems.get(State.FLAPPING)
-    settings = book.settings
-    verdict = of_flapping(
-        flaps.ratio,
-        settings.flapping.start,
-        settings.flapping.stop,
-        in_trouble=problem is not None and problem.lasts,
-    )
-    if problem is None and verdict is Verdict.FAILING:
-        problem = _add_flapping(book, component, State.FLAPPING, now)
-    if problem is not None:
-        book.give_verdict(problem, verdict)
-        book.touched_causes[component.robot.many] = None
+    robot = component.robot
+    identity = Identity(Scope.FLAPPING, State.FLAPPING, "", robot.name, *component.name)
+    judge_flapping(book, component, flaps, identity, now)
+    if State.FLAPPING in component.problems:
+        book.touched_causes[robot.many] = None
     wake(book, component)
-
-
-def _add_flapping(book: Book, component: ComponentRecord, state: State, now: Instant) -> Problem:
-    identity = Identity(Scope.FLAPPING, state, "", component.robot.name, *component.name)
-    problem = Problem(identity, now, robot=component.robot, component=component)
-    component.problems[state] = book.add_problem(problem)
-    return problem
 
 
 # -- values and checks -------------------------------------------------------------------------
@@ -337,9 +337,7 @@ def _add_value(
         key=report.key,
         bound=threshold.bound,
     )
-    problem = Problem(identity, now, robot=component.robot, component=component)
-    component.values[_value_key(report, threshold)] = book.add_problem(problem)
-    return problem
+    return book.new_problem(identity, now)
 
 
 def report_check(
@@ -350,8 +348,7 @@ def report_check(
     problem = robot.checks.get(check)
     if problem is None and found < expected:
         identity = Identity(Scope.CHECK, State.CRITICAL, robot=robot.name, check=check)
-        problem = Problem(identity, now, robot=robot)
-        robot.checks[check] = book.add_problem(problem)
+        problem = book.new_problem(identity, now)
     if problem is not None:
         if found < expected and not robot.is_restarted:
             problem.boots_until = robot.booted_until

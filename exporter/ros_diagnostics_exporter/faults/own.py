@@ -14,7 +14,6 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import Problem
 from ros_diagnostics_exporter.model import Instant, Level
 
 CLOCK = Identity(Scope.EXPORTER, State.WARNING, component="clock")  # `clocks` judges it
@@ -36,7 +35,7 @@ def judge(book: Book, reports: Iterable[OwnReport], now: Instant) -> list[Change
             identity = _identity(part, state)
             problem = book.problems.get(identity)
             if problem is None and report.level is level:
-                problem = book.add_problem(Problem(identity, now))
+                problem = book.new_problem(identity, now)
             if problem is not None:
                 book.give_verdict(problem, _verdict(report.level, level))
     return end_all(book, gone, now)

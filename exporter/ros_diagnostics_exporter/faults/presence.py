@@ -204,22 +204,12 @@ def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
 
 
 def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
-    settings, history, was_flapping = book.settings, robot.history, robot.flapping
+    history, was_flapping = robot.history, robot.flapping
     if history is None:
         return
-    verdict = components.of_flapping(
-        history.ratio,
-        settings.flapping.start,
-        settings.flapping.stop,
-        in_trouble=was_flapping,
-    )
-    if verdict is Verdict.HEALTHY and not robot.up:
-        verdict = Verdict.NO_DATA  # it may be broken: that it is away does not end what it had
-    problem = robot.problems.get(State.FLAPPING)
-    if problem is None and verdict is Verdict.FAILING:
-        problem = _add(book, robot, State.FLAPPING, now, now)
-    if problem is not None:
-        book.give_verdict(problem, verdict)
+    # While it is away it may be broken: that it no longer changes does not end what it had.
+    identity = Identity(Scope.ROBOT, State.FLAPPING, robot=robot.name)
+    components.judge_flapping(book, robot, history, identity, now, is_known=robot.up)
     if robot.flapping != was_flapping:
         touch_all(book, robot)
     if history.ratio > 0.0:
@@ -230,7 +220,6 @@ def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
 
 
 def _add(book: Book, robot: RobotRecord, state: State, since: Instant, now: Instant) -> Problem:
-    problem = Problem(Identity(Scope.ROBOT, state, robot=robot.name), since, robot=robot)
+    problem = book.new_problem(Identity(Scope.ROBOT, state, robot=robot.name), since)
     problem.clock = now.mono
-    robot.problems[state] = book.add_problem(problem)
     return problem

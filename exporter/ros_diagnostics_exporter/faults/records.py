@@ -14,6 +14,7 @@ from enum import Enum
 from itertools import compress
 from math import ceil, inf
 from operator import ne
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Flapping, Threshold
 from ros_diagnostics_exporter.faults.model import (
@@ -151,6 +152,7 @@ class Problem(Subject):
     waits_since: float | None = None
     by_setting: bool = False
     boots_until: float = -inf  # of a value, or check, that was so from the first message
+    place: tuple[dict[Any, Problem], Any] = field(init=False)  # where what it is about has it
     clock: float = field(init=False)
     row: RowKey = field(init=False)
 

@@ -80,7 +80,9 @@ def _rename(book: Book, problem: Problem, name: ComponentName, now: Instant) -> 
     ended = problem.fault
     problem.identity = problem.identity._replace(group=name.group, component=name.component)
     problem.row = ("problem", problem.identity)
-    book.touch((book.add_problem(problem),))
+    book.problems[problem.identity] = problem
+    book.write(problem)
+    book.touch((problem,))
     if ended is None:
         return []
     ends.add(book, ended, "removed", now)

@@ -15,14 +15,13 @@ from operator import attrgetter
 from typing import Any
 
 from ros_diagnostics_exporter.faults import (
-    capabilities,
     causes,
     components,
     judge,
     presence,
     stored,
 )
-from ros_diagnostics_exporter.faults.book import CLOCK_TIME, TIME_TO_RETURN, Book
+from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentSettings,
@@ -188,20 +187,18 @@ def _read_cause(book: Book, key: _Key, fields: _Fields, clock: Clock) -> None:
 
 def _read_capability(book: Book, key: _Key, fields: _Fields, clock: Clock) -> None:
     robot = book.robots[key[0]] if key[0] else None
-    _set(capabilities.find(book, robot, key[1]), stored.CAPABILITY, fields, clock)
+    _set(book.capability(robot, key[1]), stored.CAPABILITY, fields, clock)
 
 
 def _read_problem(book: Book, key: _Key, fields: _Fields, clock: Clock) -> None:
     attributes = stored.read(stored.PROBLEM, fields, clock)
     fault = attributes.pop("fault")
-    problem = Problem(_identity(key), attributes["since"])
+    problem = book.new_problem(_identity(key), attributes["since"])
     for name, value in attributes.items():
         setattr(problem, name, value)
     if fault is not None:
         problem.fault = Fault(problem.identity, **fault)
         problem.restored = True
-    give_to_owner(book, problem)
-    book.add_problem(problem)
 
 
 def _read_end(book: Book, key: _Key, fields: _Fields, clock: Clock) -> None:
@@ -220,34 +217,6 @@ _READERS: dict[str, Callable[[Book, _Key, _Fields, Clock], None]] = {
     "problem": _read_problem,
     "end": _read_end,
 }
-
-
-def give_to_owner(book: Book, problem: Problem) -> None:
-    """Have a problem where what it is about finds it."""
-    identity = problem.identity
-    robot = problem.robot = book.robots[identity.robot] if identity.robot else None
-    if identity.scope is Scope.EXPORTER:
-        book.own.setdefault(identity.component, CLOCK_TIME)
-        return
-    if identity.scope is Scope.CAPABILITY:
-        problem.capability = capabilities.find(book, robot, identity.check)
-        problem.capability.problems[identity.state] = problem
-    elif robot is None or identity.state is State.MANY:
-        of = identity.site if identity.scope is Scope.SITE else identity.component
-        cause = book.cause(identity.scope, of) if robot is None else robot.many
-        problem.cause = cause
-        cause.problems[identity.severity] = problem
-    elif identity.scope is Scope.CHECK:
-        robot.checks[identity.check] = problem
-    elif identity.scope is Scope.ROBOT:
-        robot.problems[identity.state] = problem
-    else:
-        name = ComponentName(identity.group, identity.component)
-        component = problem.component = robot.components[name]
-        if identity.scope is Scope.VALUE:
-            component.values[identity.key, identity.bound, identity.state.value] = problem
-        else:
-            component.problems[identity.state] = problem
 
 
 # -- a wall clock that was set back ------------------------------------------------------------

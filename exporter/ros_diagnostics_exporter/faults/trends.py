@@ -103,14 +103,13 @@ def _judge(
     book: Book, place: tuple[RobotRecord, ComponentName, str], trend: Trend, now: Instant
 ) -> None:
     robot, name, key = place
-    component = robot.components.get(name)
     problem = _problem(robot, name, key)
     verdict = _verdict(book, trend, in_trouble=problem is not None and problem.lasts)
     if problem is None and verdict is Verdict.FAILING:
-        component = component or book.add_component(ComponentRecord(robot, name, trend.settings))
+        if name not in robot.components:
+            book.add_component(ComponentRecord(robot, name, trend.settings))
         identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
-        problem = Problem(identity, now, robot=robot, component=component)
-        component.values[key, "low", "falling"] = book.add_problem(problem)
+        problem = book.new_problem(identity, now)
     if problem is not None:
         book.give_verdict(problem, verdict)
 

@@ -189,10 +189,8 @@ class RobotReports:
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
-        if profile.capabilities:
+        if profile.capabilities or anew:
             changes += self._report_capabilities(faults, now)
-        elif anew and faults.capabilities(self.robot.settings.name):
-            changes += faults.configure_capabilities(self.robot.settings.name, (), now)
         self.read = marks.count
         self.is_up = self._presence == "up" and not self._awaited
         return changes
@@ -221,10 +219,11 @@ class RobotReports:
                 self._events.extend(self.by_condition.update(component, of, self._conditions, now))
 
     def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
+        name, profile = self.robot.settings.name, self.robot.settings.profile
         wanted = self._capabilities.update(self._changed(), self._names)
-        if wanted is None:
+        if wanted is None and (profile.capabilities or not faults.capabilities(name)):
             return []
-        return faults.configure_capabilities(self.robot.settings.name, wanted, now)
+        return faults.configure_capabilities(name, wanted or (), now)
 
     def _find_suppression(self, component: Component) -> Suppressed | None:
         """Why the component's trouble is no fault, if it is none."""
