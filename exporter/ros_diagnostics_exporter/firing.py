@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.silences import IDENTITY, Alert, clean, moment, since_text
 
 EVIDENCE_LENGTH = 640
+HALF = 0.0005  # seconds: of the thousandths in which rules write a time
 # The evidence of a fault is one text, because rules expand each annotation at each evaluation: what
 # was known, and last what the robot can no longer do. That of an end says when, or who removed it.
 SEPARATOR = ";\n"
@@ -51,6 +52,7 @@ def _one(alert: Alert, fleet: Fleet) -> Fault | None:
     is_wrong = severity_of(identity) != labels["severity"] or is_over
     if labels.get("fleet") != fleet.name or not is_ours or is_wrong or since is None:
         return None
+    since += HALF  # as it is served, rules write the same text again: they cut off what follows
     own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
     can = known.pop() if known and known[-1].startswith(THE_ROBOT) else ""
     lines = (clean(line, EVIDENCE_LENGTH) for line in SEPARATOR.join(known).split("\n"))

@@ -320,6 +320,8 @@ class Delivered:
             about = "" if of_all else robot, "" if of_robot else component
             is_taken_out = (identity.robot, identity.component) == about and bool(self.forgotten)
             is_taken_out = is_taken_out or self._is_without_threshold(identity)
+            if identity.scope is Scope.CAPABILITY:  # that of which a part was taken out
+                is_taken_out = identity.robot == robot or not self.charges[identity.robot].may_fall
             assert is_taken_out, f"removed by nobody: {identity}"
             return
         assert not self._is_planned(identity), f"recovered in a downtime: {identity}"

@@ -172,7 +172,7 @@ def _notified(
 
 def _sample(family: Family, labels: str, more: Mapping[str, str], value: float = 1) -> str:
     further = label_pairs(more)
-    return f"{family.name}{{{labels}{further and ','}{further}}} {as_sample(round(value, 3))}\n"
+    return f"{family.name}{{{labels}{further and ','}{further}}} {as_sample(round(value, 4))}\n"
 
 
 def label_pairs(labels: Mapping[str, str]) -> str:

@@ -40,7 +40,7 @@ def test_an_alert_is_the_fault_that_it_was_made_of():
         Scope.COMPONENT, State.CRITICAL, robot="r1", group="/Motor", component="Motor 1"
     )
     labels = {"site": "hall", "team": "arms"}
-    expected = Fault(identity, 1767261600.5, 1767261612.5, labels, "over current")
+    expected = Fault(identity, 1767261600.5005, 1767261612.5, labels, "over current")
     assert read_firing([alert(MOTOR)], "f", "north") == [expected]
 
 
@@ -82,3 +82,13 @@ def test_what_shards_judge_alike_is_the_fault_of_each_and_what_is_wrong_with_one
 )
 def test_what_the_rules_do_not_make_is_skipped(wrong):
     assert read_firing([wrong], "f", "") == []
+
+
+@pytest.mark.parametrize("thousandth", ["", ".001", ".122", ".123", ".999"])
+def test_what_is_adopted_is_written_as_before_so_its_acknowledgement_holds(thousandth):
+    """Rules cut a time off to thousandths; that of a text, as a number, may lie a little earlier."""
+    text = f"2023-11-14 22:14:05{thousandth} +0000 UTC"
+    (found,) = read_firing([alert(MOTOR, since=text)], "f", "north")
+    served = round(found.since, 4)
+    milliseconds = int(served * 1e9) // 1_000_000 - 1_700_000_045_000
+    assert milliseconds == int(thousandth.removeprefix(".") or 0)
