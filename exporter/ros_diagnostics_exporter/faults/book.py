@@ -202,6 +202,14 @@ class Book:
         self.write(problem)
         return problem
 
+    def judge(self, identity: Identity, verdict: Verdict, now: Instant) -> None:
+        """Give a verdict on a problem, which is a new one if it fails and there was none."""
+        problem = self.problems.get(identity)
+        if problem is None and verdict is Verdict.FAILING:
+            problem = self.new_problem(identity, now)
+        if problem is not None:
+            self.give_verdict(problem, verdict)
+
     def drop_problem(self, problem: Problem) -> None:
         """Take out a problem, here and at its owner."""
         del self.problems[problem.identity]

@@ -28,10 +28,7 @@ def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
             verdict = Verdict.NO_DATA
         else:
             verdict = _verdict(offset, in_trouble=problem is not None)
-        if problem is None and verdict is Verdict.FAILING:
-            problem = book.new_problem(Identity(Scope.ROBOT, State.CLOCK, robot=name), now)
-        if problem is not None and problem.verdict is not verdict:
-            book.give_verdict(problem, verdict)
+        book.judge(Identity(Scope.ROBOT, State.CLOCK, robot=name), verdict, now)
 
 
 def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdict:
@@ -39,10 +36,7 @@ def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdic
     verdict = Verdict.NO_DATA
     if len(offsets) >= _ENOUGH:
         verdict = _verdict(median(offsets.values()), in_trouble=problem is not None)
-    if problem is None and verdict is Verdict.FAILING:
-        problem = book.new_problem(CLOCK, now)
-    if problem is not None and problem.verdict is not verdict:
-        book.give_verdict(problem, verdict)
+    book.judge(CLOCK, verdict, now)
     # Its fault says it of each robot also while too few are left to see it end.
     is_fault = problem is not None and problem.fault is not None
     return Verdict.FAILING if is_fault and verdict is Verdict.NO_DATA else verdict

@@ -79,16 +79,10 @@ def of_value(
 
 
 def judge_flapping(
-    book: Book,
-    of: RobotRecord | ComponentRecord,
-    history: FlapHistory,
-    identity: Identity,
-    now: Instant,
-    *,
-    is_known: bool = True,
+    book: Book, history: FlapHistory, identity: Identity, now: Instant, *, is_known: bool = True
 ) -> None:
     """Judge how often it changes; unless ``is_known``, that it no longer does ends nothing."""
-    settings, problem = book.settings.flapping, of.problems.get(State.FLAPPING)
+    settings, problem = book.settings.flapping, book.problems.get(identity)
     flaps = problem is not None and problem.verdict is not Verdict.HEALTHY
     verdict = Verdict.HEALTHY if is_known else Verdict.NO_DATA
     if history.ratio >= (settings.stop if flaps else settings.start):
@@ -250,11 +244,8 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
     if number >= most:
         verdict = Verdict.FAILING
-    if problem is None and verdict is Verdict.FAILING:
-        of = component.robot.name, *component.name
-        problem = book.new_problem(Identity(Scope.FLAPPING, State.INTERMITTENT, "", *of), now)
-    if problem is not None:
-        book.give_verdict(problem, verdict)
+    of = component.robot.name, *component.name
+    book.judge(Identity(Scope.FLAPPING, State.INTERMITTENT, "", *of), verdict, now)
 
 
 def _judge_flapping(
@@ -262,7 +253,7 @@ def _judge_flapping(
 ) -> None:
     robot = component.robot
     identity = Identity(Scope.FLAPPING, State.FLAPPING, "", robot.name, *component.name)
-    judge_flapping(book, component, flaps, identity, now)
+    judge_flapping(book, flaps, identity, now)
     if State.FLAPPING in component.problems:
         book.touched_causes[robot.many] = None
     wake(book, component)

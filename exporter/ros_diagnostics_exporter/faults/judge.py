@@ -111,9 +111,8 @@ def judge_explained(book: Book, explainer: Problem, explained: list[Problem], no
 def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
         if problem.effect.ends and suppression.why_not_end(problem) is None:
-            reason: Literal["removed", "recovered"] = "recovered"
-            if problem.is_thinned(now):
-                reason = "removed"
+            is_thinned = problem.is_thinned(now)
+            reason: Literal["removed", "recovered"] = "removed" if is_thinned else "recovered"
             _drop(book, problem, now)
             ends.add(book, problem.fault, reason, now)
             return Change(reason, problem.fault, now.wall)

@@ -32,12 +32,7 @@ def judge(book: Book, reports: Iterable[OwnReport], now: Instant) -> list[Change
     book.own = {part: report.confirm_after for part, report in parts.items()}
     for part, report in parts.items():
         for state, level in _LEVEL.items():
-            identity = _identity(part, state)
-            problem = book.problems.get(identity)
-            if problem is None and report.level is level:
-                problem = book.new_problem(identity, now)
-            if problem is not None:
-                book.give_verdict(problem, _verdict(report.level, level))
+            book.judge(_identity(part, state), _verdict(report.level, level), now)
     return end_all(book, gone, now)
 
 

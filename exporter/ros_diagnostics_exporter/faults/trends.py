@@ -105,13 +105,10 @@ def _judge(
     robot, name, key = place
     problem = _problem(robot, name, key)
     verdict = _verdict(book, trend, in_trouble=problem is not None and problem.lasts)
-    if problem is None and verdict is Verdict.FAILING:
-        if name not in robot.components:
-            book.add_component(ComponentRecord(robot, name, trend.settings))
-        identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
-        problem = book.new_problem(identity, now)
-    if problem is not None:
-        book.give_verdict(problem, verdict)
+    if verdict is Verdict.FAILING and name not in robot.components:
+        book.add_component(ComponentRecord(robot, name, trend.settings))
+    identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
+    book.judge(identity, verdict, now)
 
 
 def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:

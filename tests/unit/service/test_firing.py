@@ -85,8 +85,8 @@ def test_what_the_rules_do_not_make_is_skipped(wrong):
 
 
 @pytest.mark.parametrize("thousandth", ["", ".001", ".122", ".123", ".999"])
-def test_what_is_adopted_is_written_as_before_so_its_acknowledgement_holds(thousandth):
-    """Rules cut a time off to thousandths; that of a text, as a number, may lie a little earlier."""
+def test_what_is_adopted_is_written_by_rules_as_before(thousandth):
+    """Rules cut a time off to thousandths; as a number a text may be a little earlier."""
     text = f"2023-11-14 22:14:05{thousandth} +0000 UTC"
     (found,) = read_firing([alert(MOTOR, since=text)], "f", "north")
     served = round(found.since, 4)
