@@ -46,6 +46,8 @@ TimerKind = Literal[
 ]
 _Timed = Problem | RobotRecord | ComponentRecord | None
 Timer = tuple[TimerKind, _Timed]
+_FAILING, _VALUE, _EXPORTER = Verdict.FAILING, Scope.VALUE, Scope.EXPORTER
+_FLAPPING, _PENDING, _CLOCK, _FALLING = State.FLAPPING, State.PENDING, State.CLOCK, State.FALLING
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 TIME_TO_RETURN = 60.0  # seconds at most for what a fault explained to be healthy after it
@@ -100,7 +102,7 @@ class Book:
 
     def give_verdict(self, problem: Problem, verdict: Verdict) -> None:
         """Note what is known of a problem now, and have it judged with what it explains."""
-        if verdict is Verdict.FAILING:
+        if verdict is _FAILING:
             problem.restored = False
         if verdict is not problem.verdict:
             self.changed.setdefault(problem, problem.verdict)
@@ -255,7 +257,7 @@ class Book:
         if not as_part and problem.explained_until > clock:
             clock = problem.explained_until
         if component is not None:
-            boots = problem if problem.identity.scope is Scope.VALUE else component
+            boots = problem if problem.identity.scope is _VALUE else component
             if boots.boots_until > clock + confirm_after:
                 return boots.boots_until
             if component.settings.measured:
@@ -267,14 +269,14 @@ class Book:
     def confirm_after(self, problem: Problem) -> float:
         """Seconds for which a problem has to last until it is a fault."""
         state, component, robot = problem.identity.state, problem.component, problem.robot
-        of_component = state is State.FLAPPING and component is not None
+        of_component = state is _FLAPPING and component is not None
         if of_component or problem.capability is not None:
             return 0.0
-        if state is State.PENDING:
+        if state is _PENDING:
             return self.settings.pending_after
-        if state is State.CLOCK or problem.identity.scope is Scope.EXPORTER:
+        if state is _CLOCK or problem.identity.scope is _EXPORTER:
             return self.own.get(problem.identity.component, CLOCK_TIME)
-        if state is State.FALLING:
+        if state is _FALLING:
             return 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:
             return component.settings.confirm_after

@@ -31,6 +31,8 @@ from ros_diagnostics_exporter.faults.records import (
 from ros_diagnostics_exporter.model import Instant, Level
 
 _OK, _WARN, _ERROR, _STALE = Level
+_HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
+_CRITICAL = State.CRITICAL
 _OUT_OF_REACH = (Reason.UNREACHABLE, Reason.DEPENDS_ON)
 _BY_OTHERS = (*_OUT_OF_REACH, Reason.COMMON)
 
@@ -187,21 +189,21 @@ def _severities(cause: Cause, now: Instant) -> dict[str, tuple[Verdict, float]]:
     Many components are as severe as the worst of them; the milder goes on under the worse.
     """
     if cause.robot is None:
-        return {"": (Verdict.FAILING, -inf)}
+        return {"": (_FAILING, -inf)}
     if cause.adopted:
-        return dict.fromkeys(cause.problems, (Verdict.NO_DATA, -inf))
-    critical, since = Verdict.HEALTHY, inf
+        return dict.fromkeys(cause.problems, (_NO_DATA, -inf))
+    critical, since = _HEALTHY, inf
     for component in cause.robot.components.values():
-        problem = component.problems.get(State.CRITICAL)
+        problem = component.problems.get(_CRITICAL)
         if problem is not None and problem.lasts:
             counts = problem.effect.counts and not component.has_time(now)
-            critical = max(critical, Verdict.FAILING if counts else Verdict.NO_DATA)
+            critical = max(critical, _FAILING if counts else _NO_DATA)
             since = min(since, problem.clock) if counts else since
         elif component.flapping:  # that it is OK at the moment ends nothing
-            critical = max(critical, Verdict.NO_DATA)
+            critical = max(critical, _NO_DATA)
     worse = cause.problems.get("critical")
-    is_worse = worse is not None and worse.fault is not None and critical is not Verdict.HEALTHY
-    mild = Verdict.NO_DATA if is_worse or critical is Verdict.FAILING else Verdict.FAILING
+    is_worse = worse is not None and worse.fault is not None and critical is not _HEALTHY
+    mild = _NO_DATA if is_worse or critical is _FAILING else _FAILING
     return {"critical": (critical, since), "warning": (mild, -inf)}
 
 

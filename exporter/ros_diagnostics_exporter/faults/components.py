@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
 _OK, _WARN, _ERROR, _STALE = Level
+_CRITICAL, _FLAPPING, _INTERMITTENT = State.CRITICAL, State.FLAPPING, State.INTERMITTENT
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
     {
@@ -83,11 +84,11 @@ def judge_flapping(
 ) -> None:
     """Judge how often it changes; unless ``is_known``, that it no longer does ends nothing."""
     settings, problem = book.settings.flapping, book.problems.get(identity)
-    flaps = problem is not None and problem.verdict is not Verdict.HEALTHY
-    verdict = Verdict.HEALTHY if is_known else Verdict.NO_DATA
+    flaps = problem is not None and problem.verdict is not _HEALTHY
+    verdict = _HEALTHY if is_known else _NO_DATA
     if history.ratio >= (settings.stop if flaps else settings.start):
-        verdict = Verdict.FAILING
-    if problem is None and verdict is Verdict.FAILING:
+        verdict = _FAILING
+    if problem is None and verdict is _FAILING:
         problem = book.new_problem(identity, now)
     if problem is not None:
         book.give_verdict(problem, verdict)
@@ -123,6 +124,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
 
 
 def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
+    if component.level is _OK and not component.problems:
+        return
     known: Container[State] = ()
     if component.level is _STALE:  # asked of nothing else
         known = {state for state, each in component.problems.items() if not each.by_setting}
@@ -130,17 +133,17 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
     for state, verdict in found.items():
         problem = component.problems.get(state)
         if problem is None:
-            if verdict < Verdict.ABSENT or component.since is None:
+            if verdict < _ABSENT or component.since is None:
                 continue
             # A CRITICAL counts from when it turned so: one that got better and worse again is
             # another fault, which no acknowledgement of the first one holds.
-            since = now if state is State.CRITICAL else component.since
+            since = now if state is _CRITICAL else component.since
             identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
             problem = book.new_problem(identity, since)
-            problem.by_setting = state is State.CRITICAL
+            problem.by_setting = state is _CRITICAL
         if component.since is not None:
             problem.clock = component.since.mono
-        if verdict is Verdict.FAILING:
+        if verdict is _FAILING:
             problem.by_setting = False
         book.give_verdict(problem, verdict)
     if component.level is _STALE:
@@ -234,7 +237,7 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 
     A fault ends once fewer than half of what it takes are left, and the component is received OK.
     """
-    problem = component.problems.get(State.INTERMITTENT)
+    problem = component.problems.get(_INTERMITTENT)
     number = 0 if component.flaps is None else len(component.flaps.changed)
     level, most = component.level, book.settings.intermittent.changes
     if problem is None and number < most:
@@ -251,10 +254,10 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 def _judge_flapping(
     book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
 ) -> None:
-    robot = component.robot
-    identity = Identity(Scope.FLAPPING, State.FLAPPING, "", robot.name, *component.name)
-    judge_flapping(book, flaps, identity, now)
-    if State.FLAPPING in component.problems:
+    robot, is_known = component.robot, _FLAPPING in component.problems
+    if is_known or flaps.ratio >= book.settings.flapping.start:  # of most changes neither
+        identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
+        judge_flapping(book, flaps, identity, now)
         book.touched_causes[robot.many] = None
     wake(book, component)
 

@@ -8,9 +8,10 @@ it, of 21 states.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum
+from functools import lru_cache
 from itertools import compress
 from math import ceil, inf
 from operator import ne
@@ -38,6 +39,11 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.needs import Bad, WantedCapability
 from ros_diagnostics_exporter.model import Instant, Level
 
+# Before Python 3.12 a member of an Enum is looked up by a call: a fifth of a change of a level.
+_OK, _STALE = Level.OK, Level.STALE
+_HEALTHY = Verdict.HEALTHY
+_FLAPPING, _INTERMITTENT = State.FLAPPING, State.INTERMITTENT
+_VALUE = Scope.VALUE
 SLOTS = 21
 DOWN = 0  # in the history of a robot that comes and goes: nothing is received of it
 _LOW_CURVE = 0.75
@@ -48,11 +54,12 @@ _WEIGHTS = tuple(
 )
 
 
-def flap_ratio(slots: Sequence[int]) -> float:
+@lru_cache(maxsize=1024)  # a fleet's components have few histories, most a change or two
+def flap_ratio(slots: bytes) -> float:
     """Weighted share (0..1) of changes between neighbouring states, the oldest first.
 
     The newest of the 20 possible changes weighs 1.25, the oldest 0.75: the formula of Nagios'
-    check_for_service_flapping (base/flapping.c). ``slots`` holds 21 states.
+    check_for_service_flapping (base/flapping.c). ``slots`` are 21 states.
     """
     changed = map(ne, slots, slots[1:])
     return sum(compress(_WEIGHTS, changed)) / (SLOTS - 1)
@@ -95,7 +102,7 @@ class FlapHistory:
         """Record a change to another state."""
         self.decay(mono, interval)
         self.last = mono
-        self.slots = bytes((*self.slots[1:], state))
+        self.slots = self.slots[1:] + bytes((state,))
         self.ratio = flap_ratio(self.slots)
         self.changed = (*self.changed, mono)[1 - SLOTS :]
 
@@ -163,7 +170,7 @@ class Problem(Subject):
     @property
     def lasts(self) -> bool:
         """Whether it was not healthy when last known: in trouble, or without data since."""
-        return self.verdict is not Verdict.HEALTHY
+        return self.verdict is not _HEALTHY
 
     @property
     def is_critical(self) -> bool:
@@ -207,12 +214,12 @@ class Problem(Subject):
         component, state = self.component, self.identity.state
         if component is None:
             of_robot = self.capability is not None and self.robot is not None
-            return self.cause is not None or of_robot or state is State.FLAPPING
+            return self.cause is not None or of_robot or state is _FLAPPING
         if component.settings.uplink or component.robot.has_dependencies:
             return True
-        if self.identity.scope is Scope.VALUE:
+        if self.identity.scope is _VALUE:
             return any(severity == "falling" for _key, _bound, severity in component.values)
-        return state is State.FLAPPING or State.INTERMITTENT in component.problems
+        return state is _FLAPPING or _INTERMITTENT in component.problems
 
     @property
     def subject(self) -> Subject:
@@ -253,19 +260,19 @@ class ComponentRecord(Subject):
     @property
     def flapping(self) -> bool:
         """Whether it changes too often for anything else to be reported of it."""
-        problem = self.problems.get(State.FLAPPING)
+        problem = self.problems.get(_FLAPPING)
         return problem is not None and problem.lasts
 
     @property
     def is_planned_stale(self) -> bool:
         """Whether it is STALE as fleet.yml expects it, so that nothing begins, ends or counts."""
-        return self.level is Level.STALE and self.settings.planned_stale
+        return self.level is _STALE and self.settings.planned_stale
 
     @property
     def is_failing(self) -> bool:
         """Whether it is in trouble now, freshly known, and nobody planned that."""
         planned = self.is_planned_stale or self.in_downtime
-        return self.level is not Level.OK and self.since is not None and not planned
+        return self.level is not _OK and self.since is not None and not planned
 
     def has_time(self, now: Instant) -> bool:
         """Whether its trouble is to be over by itself: it boots, or what feeds it is just back."""
@@ -281,7 +288,7 @@ class ComponentRecord(Subject):
     def has_fault(self) -> bool:
         """Whether its level, or how often that changes, is confirmed to be wrong."""
         for state, problem in self.problems.items():
-            if problem.fault is not None and state is not State.INTERMITTENT:
+            if problem.fault is not None and state is not _INTERMITTENT:
                 return True
         return False
 
@@ -367,7 +374,7 @@ class RobotRecord(Subject):
     @property
     def flapping(self) -> bool:
         """Whether it comes and goes."""
-        problem = self.problems.get(State.FLAPPING)
+        problem = self.problems.get(_FLAPPING)
         return problem is not None and problem.lasts
 
     def stays_away(self, flapping: Flapping) -> bool:

@@ -49,10 +49,10 @@ def test_a_component_that_moves_to_another_group_goes_on_to_flap():
 
 
 def test_the_newest_change_weighs_most():
-    assert flap_ratio([0] * SLOTS) == 0.0
-    assert flap_ratio([0, 1] * 10 + [0]) == pytest.approx(1.0)
-    assert flap_ratio([1] + [0] * 20) == pytest.approx(0.75 / 20)
-    assert flap_ratio([0] * 20 + [1]) == pytest.approx(1.25 / 20)
+    assert flap_ratio(bytes(SLOTS)) == 0.0
+    assert flap_ratio(bytes([0, 1] * 10 + [0])) == pytest.approx(1.0)
+    assert flap_ratio(bytes([1] + [0] * 20)) == pytest.approx(0.75 / 20)
+    assert flap_ratio(bytes([0] * 20 + [1])) == pytest.approx(1.25 / 20)
 
 
 @given(st.floats(0, 2e9), st.floats(0.001, 1e6))

@@ -19,7 +19,7 @@ def nagios(history: list[int]) -> float:
 
 @given(st.lists(st.integers(0, 3), min_size=SLOTS, max_size=SLOTS))
 def test_the_ratio_is_nagios_percentage(history):
-    assert abs(flap_ratio(history) * 100 - nagios(history)) < 1e-9
+    assert abs(flap_ratio(bytes(history)) * 100 - nagios(history)) < 1e-9
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 60)), max_size=60))
