@@ -51,9 +51,9 @@ class _Values:
 class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock.
 
-    ``chunks`` and ``series`` are by family: its samples, and how many these are. ``changed`` are
-    the families whose chunks may be others than when it was last cleared, and those that count
-    robots or components. ``levels`` is how many components stand at each level.
+    ``chunks`` are the samples by family, ``changed`` the families whose chunks may be others than
+    when it was last cleared, and those that count robots or components. ``levels`` is how many
+    components stand at each level.
     """
 
     def __init__(self, fleet: str, exporter: str, robot: RobotState, state: FleetState) -> None:
@@ -61,7 +61,6 @@ class RobotText:
         self.exporter = exporter
         self.robot = robot
         self.chunks: dict[str, bytes] = {}
-        self.series: dict[str, int] = {}
         self.changed: set[str] = set()
         self.promoted: set[str] = set()
         self.levels: Sequence[int] = (0,) * len(LEVELS)
@@ -141,18 +140,15 @@ class RobotText:
 
     def _set_chunk(self, name: str, lines: list[str]) -> None:
         self.chunks[name] = "".join(lines).encode()
-        self.series[name] = len(lines)
         self.changed.add(name)
 
     def _remove(self, name: str) -> None:
         if self.chunks.pop(name, None) is not None:
-            del self.series[name]
             self.changed.add(name)
 
     def _set_one(self, family: Family, value: float, labels: str = "") -> None:
         """A family of which a robot has one sample."""
         self.chunks[family.name] = self._one(family, value, labels).encode()
-        self.series[family.name] = 1
         self.changed.add(family.name)
 
     def _one(self, family: Family, value: float, labels: str = "") -> str:

@@ -265,10 +265,8 @@ class Exposition:
             text = self._counts[name]()
             found = _Gathered([text] if text else [], text.count(b"\n"))
         else:
-            found = _Gathered(
-                [chunk for each in texts if (chunk := each.chunks.get(name))],
-                sum([each.series.get(name, 0) for each in texts]),
-            )
+            chunks = [chunk for each in texts if (chunk := each.chunks.get(name))]
+            found = _Gathered(chunks, sum([chunk.count(b"\n") for chunk in chunks]))
         self._gathered[name] = found
         return found
 
@@ -384,9 +382,13 @@ class Exposition:
         if texts != [*self._texts.values()]:
             self._texts = {text.robot.settings.name: text for text in texts}
             self._gathered.clear()
+        changed: set[str] = set()
         for text in texts:
-            while text.changed:
-                self._gathered.pop(text.changed.pop(), None)
+            if text.changed:
+                changed |= text.changed
+                text.changed.clear()
+        for name in changed:
+            self._gathered.pop(name, None)
         return texts
 
     def _kept(self, robot: RobotState, *, everything: bool) -> RobotText | None:
