@@ -40,6 +40,7 @@ from ros_diagnostics_exporter.robots.values import ExportedValue
 
 _Presence = Literal["up", "silent", "pending"]
 _LEVELS = tuple(Level)
+_OK = Level.OK
 _NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside the published one
 
 
@@ -71,6 +72,7 @@ class RobotReports:
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._usual = ComponentSettings()  # of components of which fleet.yml says nothing
         self._monitors = False  # values: a rule has thresholds
+        self.may_end = False  # what is not repeated: a rule has ends_after
         self._awaited = Awaited(robot)
         self._conditions = RobotConditions(robot)
         self._capabilities = RobotCapabilities(robot)
@@ -93,6 +95,7 @@ class RobotReports:
         self._usual = ComponentSettings(profile.confirm_after, False, profile.stale_is_critical)
         self._declared, self._everything = robot.declared, True
         self._monitors = any(rule.thresholds for rule in profile.values)
+        self.may_end = any(rule.ends_after is not None for rule in profile.components)
         settings = RobotSettings(
             robot.settings.labels,
             profile.confirm_after,
@@ -344,12 +347,12 @@ class RobotReports:
         level, settings = _LEVELS[component.level], self._component_settings(component)
         is_first = self._first is not None and component in self._first.now
         is_late = component.is_stale and not component.stale_at_source
-        if level is Level.OK and not is_late:
+        if level is _OK and not is_late:
             return ComponentReport(name, level, settings, is_first)
         suppressed = self._find_suppression(component)
         if self.robot.network.lossy and component.feed is None and is_late:
             suppressed = Suppressed("messages are lost", known=False)
-        if is_late and level is Level.OK:  # as fleet.yml has STALE: no message says so
+        if is_late and level is _OK:  # as fleet.yml has STALE: no message says so
             suppressed, level = Suppressed("nothing is received", known=False), Level.STALE
         if suppressed is None:
             return ComponentReport(name, level, settings, is_first)

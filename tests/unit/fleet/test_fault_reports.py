@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given, settings
@@ -27,6 +28,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row, State
+from ros_diagnostics_exporter.fleet.robot_reports import RobotReports
 from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Status
 from ros_diagnostics_exporter.regex import Pattern
 from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, raw_fleet, tree
@@ -595,6 +597,17 @@ def test_what_fires_of_a_component_that_the_config_ignores_now_ends_at_the_reloa
     assert after.raw_every(1, 60, LASER).fault_names() == {CRITICAL}
     reloaded(after, components=(ComponentRule(re.compile("Motor"), ignore=True),))
     assert after.fault_names() == set()
+
+
+@pytest.mark.parametrize(("ends_after", "asked"), [(None, False), (60.0, True)])
+def test_what_is_not_repeated_is_looked_for_only_where_a_rule_ends_it(ends_after, asked):
+    rules = (ComponentRule(re.compile("Motor"), reports="on_change", ends_after=ends_after),)
+    driver = settled(MOTOR, components=rules)
+
+    with patch.object(RobotReports, "end_unrepeated", return_value=[]) as end_unrepeated:
+        driver.at(SETTLED + 2)
+
+    assert end_unrepeated.called is asked
 
 
 def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
