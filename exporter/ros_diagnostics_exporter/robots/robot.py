@@ -50,6 +50,8 @@ from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
 
+_AUTO, _AGG, _RAW = config.Source.AUTO, config.Source.AGG, config.Source.RAW  # asked at each array
+
 # Statuses of an array that are read, for each component that a robot may have: an aggregator lists
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
@@ -163,10 +165,9 @@ class RobotState:
 
     def accepts(self, now: Instant, *, raw: bool) -> bool:
         """Whether arrays of this kind of topic count; what ``auto`` means is decided here."""
-        if self.settings.source is config.Source.AUTO:
+        if self.settings.source is _AUTO:
             self.source = self._auto.decide(self.source, now, raw=raw)
-        other = config.Source.AGG if raw else config.Source.RAW
-        return self.source not in (config.Source.AUTO, other)
+        return self.source not in (_AUTO, _AGG if raw else _RAW)
 
     def wants(self, *, raw: bool) -> bool:
         """Whether this kind of topic is subscribed: with ``auto`` an aggregate may still come."""
@@ -218,7 +219,7 @@ class RobotState:
             self._raw.apply(statuses, now, array.publisher)
             self._has_raw, self._last_raw = True, now.mono
         else:
-            alone = self.source is config.Source.AGG
+            alone = self.source is _AGG
             self._aggregated.apply(statuses, now, alone=alone)
             if self._has_raw and (alone or now.mono - self._last_raw > stale_after):
                 self._leave_raw(now, alone=alone)
@@ -472,7 +473,7 @@ class RobotState:
 
 def accepts(source: config.Source, *, raw: bool) -> bool:
     """Whether arrays of this kind of topic count, or with ``auto`` may count."""
-    return source is not (config.Source.AGG if raw else config.Source.RAW)
+    return source is not (_AGG if raw else _RAW)
 
 
 def _topics_of(settings: config.Robot) -> tuple[Domain, str | None, str | None]:
