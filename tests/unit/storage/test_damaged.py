@@ -260,3 +260,5 @@ def test_of_a_damaged_file_the_newest_events_are_taken_over(path, written, caplo
         ids = [number for (number,) in connection.execute("SELECT id FROM events ORDER BY id DESC")]
     assert ids[-2:] == [each["id"] for each in of_file[:2]]
     assert ids[0] > of_file[0]["id"]
+    last = of_file[1]["id"]  # what came later is still in memory
+    assert earlier.salvage(path.with_name(f"{path.name}.damaged-1"), last)[-1][0] == last

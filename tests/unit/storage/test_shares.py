@@ -5,6 +5,8 @@ import pytest
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.storage import pruning
+from ros_diagnostics_exporter.storage.database import Changes, Database
+from ros_diagnostics_exporter.storage.pruning import Bounds
 from ros_diagnostics_exporter.storage.retention import Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import WALL, StateDriver
@@ -70,3 +72,13 @@ def test_after_a_restart_the_same_robot_pays(driver, content, path):
     again.storage._retention = Retention(size=400_000)
     flood(again, "other", 1)
     assert again.storage.early.counts.keys() == {"loud"}
+
+
+def test_the_search_for_events_of_a_robot_that_has_fewer_than_counted_ends(path, monkeypatch):
+    monkeypatch.setattr(pruning, "LEAST", 15)
+    database = Database(path)
+    events = [*enumerate([Event(0.0, "level", each) for each in ("loud",) * 10 + ("r",) * 5], 1)]
+    for early in ({}, {"loud": 10, "r": 5}):  # the second time they replace those of the first
+        changes = Changes(False, [], [], [], {}, events)
+        assert database.write(changes, Bounds(0.0, 1e9, 1)).early == early
+    database.close()
