@@ -35,7 +35,7 @@ from ros_diagnostics_exporter.decode.goals import (
 )
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
+from ros_diagnostics_exporter.model import ALL_PARTS, Array, Instant, Status, Topic
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.dds_subscription import Subscriber
 from ros_diagnostics_exporter.sources.dds_watch import GOALS_DEPTH, Watcher
@@ -95,7 +95,7 @@ class InMemory:
             self.state.take_fault_rows(now)
             self.state.take_events()
             if second % SCRAPED == 0:
-                self.exposition.pieces()
+                self.exposition.pieces(openmetrics=False, parts=ALL_PARTS)
         return (time.thread_time() - begin - making) / seconds
 
     def _lists(self, second: int) -> Iterator[tuple[str, bytes]]:

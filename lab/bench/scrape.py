@@ -20,7 +20,7 @@ from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Instant, Topic
+from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Topic
 from ros_diagnostics_exporter.web.scrape import compress
 
 
@@ -112,7 +112,7 @@ def main() -> None:
         raise SystemExit("the two texts differ: nothing to compare")
     yardstick = _cpu(lambda: generate_latest(registry), 3)
     unchanged = _cpu(exposition.render, 5)
-    compressed = _cpu(lambda: compress(exposition.pieces()), 5)
+    compressed = _cpu(lambda: compress(exposition.pieces(openmetrics=False, parts=ALL_PARTS)), 5)
     turns = iter(range(100, 10_000))
 
     def changed() -> float:

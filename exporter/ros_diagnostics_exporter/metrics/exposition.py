@@ -232,9 +232,7 @@ class Exposition:
         """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
         return b"".join(self.pieces(openmetrics=openmetrics, parts=parts))
 
-    def pieces(
-        self, *, openmetrics: bool = False, parts: Collection[Part] = ALL_PARTS
-    ) -> list[bytes]:
+    def pieces(self, *, openmetrics: bool, parts: Collection[Part]) -> list[bytes]:
         """As `render`, but in the pieces that are kept: nothing is copied."""
         if not {Part.FAULTS, Part.ROBOTS}.intersection(parts):
             return []

@@ -253,7 +253,8 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "ros_battery_charge_ratio": [0.17],
         "site_received_robots": [1],
     }
-    assert driver.sample("robot_info", topic="/r/diagnostics_agg", profile="default") == 1
+    info = {"topic": "/r/diagnostics_agg", "profile": "default", "domain_id": "0"}
+    assert driver.sample("robot_info", **info) == 1
 
 
 def test_what_is_not_configured_has_no_series_and_no_byte():
