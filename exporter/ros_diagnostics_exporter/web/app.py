@@ -78,9 +78,7 @@ def openapi(telemetry_path: str) -> dict[str, Any]:
     description["info"]["version"] = __version__
     paths = description["paths"]
     metrics = paths.pop("/metrics")
-    if telemetry_path == "/":
-        paths.pop("/")  # there is no landing page then
-    paths[telemetry_path] = metrics
+    paths[telemetry_path] = metrics  # at / in place of the landing page
     return description
 
 

@@ -199,7 +199,13 @@ def test_garbage_is_rejected(serve, short):
 
 
 def test_pipelined_requests_are_answered_in_order(serve, short):
-    with connect(serve()) as sock:
+    server = serve()
+    with connect(server) as sock:
+        sock.sendall(GET)
+        read_until(sock, b"\r\n\r\ntext\n")
+        [client] = server._uvicorn.server_state.connections
+        assert not client.pipelines
+    with connect(server) as sock:
         sock.sendall(GET * 99 + GET.replace(b"Host", b"Connection: close\r\nHost"))
         received = b""
         while piece := sock.recv(100_000):
