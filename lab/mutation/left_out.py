@@ -7,7 +7,7 @@ import re
 # By operator: what of the line stands before the place, and from it on.
 _KINDS = (
     # How many digits are served is chosen.
-    ("NumberReplacer", r"\bround\([^()]*, $", r"\d+\)"),
+    ("NumberReplacer", r"\bround\(([^()]|\([^()]*\))*, $", r"\d+\)"),
     # What a key of fleet.yml is shown with is chosen.
     ("NumberReplacer", r"\bexample=[^=]*$", ""),
     ("ReplaceTrueWithFalse", r"\bexample=[^=]*$", ""),

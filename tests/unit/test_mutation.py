@@ -36,6 +36,7 @@ def test_each_class_that_is_caught_is_replaced_alone():
     ("operator", "line", "at", "expected"),
     [
         ("NumberReplacer", "    return round(component.since, 3)", "3", True),
+        ("NumberReplacer", "    return round(known.read(now), 3)", "3", True),
         ("NumberReplacer", "    return round(max(a, b) * 3)", "3", False),
         ("NumberReplacer", "    return max(round(a), 3)", "3", False),
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "0.01", True),
