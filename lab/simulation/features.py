@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
 )
 from ros_diagnostics_exporter.model import Level
+from simulation.scenes import Step, random_scene
 from simulation.small_fleet import (
     BATTERIES,
     BOOT_GRACE,
@@ -58,9 +59,6 @@ from simulation.story import OWN_PARTS
 from simulation.verdicts import Delivered
 from support.fault_histories import ERROR, OK, STALE, WARN, back, silent
 
-# Seconds before it, what happens with its arguments, whether a new process goes on from the rows.
-Step = tuple[int, tuple[Any, ...], bool]
-
 
 class World(Delivered):
     """What may happen to the fleet."""
@@ -73,7 +71,7 @@ class World(Delivered):
         for name, level in reported.items():
             known = self.truth.setdefault((robot, name), Truth())
             if level != known.level or not known.fresh:
-                known.since = self.second
+                known.since, known.before = self.second, 0.0
             if known.level is OK:
                 known.wrong = self.second
             is_first = (robot, name) not in self.received
@@ -374,6 +372,8 @@ class World(Delivered):
         self.charges[robot].since = self.planned_at[robot] = self.second
         for (owner, _name), known in self.truth.items():
             if owner == robot:
+                if robot not in self.planned:
+                    known.before = self.second - known.since
                 known.since = self.second
 
     def restart(self) -> None:
@@ -527,16 +527,18 @@ def play(history: Iterable[Step]) -> World:
     return world
 
 
-def random_history(seed: int, *, extra: bool = True) -> Iterator[Step]:
-    """Up to sixty steps: the same for the same arguments.
+def random_history(seed: int, *, rounds: int = 3) -> Iterator[Step]:
+    """Up to a hundred steps: the same for the same arguments.
 
-    Without ``extra``: those of the features of the first round, which are the same in both.
+    With fewer ``rounds``: those of the features of the first ones, which are the same in all.
     """
-    random, more = Random(seed), Random(f"extra {seed}")
+    random, more, scenes = Random(seed), Random(f"extra {seed}"), Random(f"scenes {seed}")
     for _ in range(random.randrange(4, 30)):
         yield _random_seconds(random), _random_event(random), random.random() < 0.3
-        while extra and more.random() < 0.4:
+        while rounds > 1 and more.random() < 0.4:
             yield _random_seconds(more), _extra_event(more), more.random() < 0.2
+        if rounds > 2 and scenes.random() < 0.15:
+            yield from random_scene(scenes)
 
 
 def _random_seconds(random: Random) -> int:

@@ -103,7 +103,7 @@ FLEETS = (
         warning_hours=WarningHours(MINUTES, "UTC"),
     ),
 )
-COMMON_NEEDS = 3  # robots at most, by any of these settings
+COMMON_NEEDS = SITE_NEEDS = 3  # robots at most, by any of these settings
 # The last level of a component whose fault begins: what does not report any more is still a WARNING
 # or an ERROR.
 CAUSES = {
@@ -119,6 +119,7 @@ class Truth:
 
     level: Level = OK
     since: float = 0.0  # of this level, the robot received, and no downtime began or ended
+    before: float = 0.0  # for how long it had been so when a downtime of its robot began
     wrong: float = 0.0  # since then it was never OK; silence and restarts say nothing of it
     fresh: bool = False
     boots: float = 0.0  # until then it begins no fault: its robot boots, and it was never OK since

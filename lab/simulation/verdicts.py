@@ -40,6 +40,7 @@ from simulation.small_fleet import (
     RECENT,
     ROBOTS,
     SETTINGS,
+    SITE_NEEDS,
     STEEPEST,
     STEPS,
     UPLINK,
@@ -333,6 +334,12 @@ class Delivered:
             assert known.level not in broken, f"recovered with {known.level}: {identity}"
         if identity.scope is Scope.ROBOT and identity.state is State.SILENT:
             assert identity.robot in self.up, f"recovered of a silent robot: {identity}"
+        if identity.scope is Scope.SITE:
+            silent = {
+                each for each, at in self.silent_since.items() if at < self.began_at[identity]
+            }
+            silent -= self.up | self.planned
+            assert 2 * len(silent) < SITE_NEEDS, f"recovered although {silent} are: {identity}"
         if identity.scope is Scope.VALUE:
             charge = self.charges[identity.robot]
             assert identity.robot in self.up, f"recovered while its robot is silent: {identity}"
@@ -395,9 +402,10 @@ class Delivered:
         assert len(lost) < len(PARTS[name]), f"recovered without {lost}: {identity}"
 
     def _is_broken(self, robot: str, name: str) -> bool:
-        """Whether a component is ERROR now, and was before any larger fault ended."""
+        """Whether a component is ERROR now, and was before a larger fault ended, or a downtime."""
         known = self.truth.get((robot, name), Truth())
-        return known.fresh and known.level is ERROR and known.since < self.second - PATIENCE
+        lasted = known.before if robot in self.planned else self.second - known.since
+        return known.fresh and known.level is ERROR and lasted > PATIENCE
 
     def _recent(self, known: Truth, at: float) -> int:
         return sum(each > at - RECENT for each in known.sure)
@@ -443,6 +451,8 @@ class Delivered:
             now = self.player.at(self.second)
             waits_since = faults._book.problems[identity].waits_since
             waits = waits_since is not None and now.mono <= waits_since + WAITS
+            is_planned = view.suppressed is not Reason.MAINTENANCE or self._is_planned(identity)
+            assert is_planned, f"is in no downtime: {view}"
             if view.suppressed in BY_A_PERSON or view.due > now.wall or waits:
                 continue
             is_unreached = view.suppressed is Reason.UNREACHABLE
