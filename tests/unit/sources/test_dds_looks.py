@@ -3,11 +3,20 @@
 from unittest.mock import Mock
 
 import pytest
+from lifecycle_msgs.msg import State, TransitionEvent
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.sources import dds
+from ros_diagnostics_exporter.model import Endpoint, Instant
+from ros_diagnostics_exporter.sources import dds, dds_watch
 from ros_diagnostics_exporter.sources.dds import MAX_ASKED, DdsDomain, describe_ros
-from ros_diagnostics_exporter.sources.dds_endpoints import MAX_READ, ROUND, EndpointReader
+from ros_diagnostics_exporter.sources.dds_endpoints import (
+    MAX_READ,
+    ROUND,
+    EndpointReader,
+    Subscribed,
+)
+from ros_diagnostics_exporter.sources.graph_messages import Transition
+from ros_diagnostics_exporter.sources.listener import LEAVE_TIME, Listener
 
 
 @pytest.fixture
@@ -65,3 +74,45 @@ def test_endpoints_are_read_a_few_topics_at_a_time_and_again_after_a_while():
 
     assert [read(100.0 * ROUND), read(100.9 * ROUND)] == [MAX_READ, 10]
     assert read(102.0 * ROUND) == MAX_READ
+
+
+RELIABLE, BEST_EFFORT = (
+    QoSProfile(depth=1, reliability=each)
+    for each in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
+)
+
+
+@pytest.mark.parametrize(
+    ("publisher", "subscriber", "why"),
+    [(RELIABLE, BEST_EFFORT, ""), (BEST_EFFORT, RELIABLE, "Best effort publisher")],
+)
+def test_why_nothing_is_received_is_what_the_middleware_says_of_the_two(publisher, subscriber, why):
+    one, other = (Mock(topic_type="T", qos_profile=each) for each in (publisher, subscriber))
+    found = EndpointReader(0, Mock(), lambda _name: None)._why_no_match(one, other)
+    assert found.partition(" and")[0] == why
+
+
+def test_the_link_of_a_topic_is_known_while_it_has_one_publisher(domain):
+    domain.topics = {"/a": Mock(), "/b": Mock()}
+    domain._report_links({"/a": Endpoint(1), "/b": Endpoint(2)}, Instant(100.0, 100.0))
+    reading = domain.topics["/a"].content.link.reading.return_value
+    assert domain.receiver.update_links.call_args.args[1] == {"/a": reading, "/b": None}
+
+
+def test_of_a_transition_its_two_states_are_read():
+    message = TransitionEvent(start_state=State(label="a"), goal_state=State(label="b"))
+    assert dds_watch._read(message) == Transition("a", "b")
+
+
+def test_the_middleware_is_asked_why_until_the_subscription_is_closed():
+    subscribed, event = Subscribed(Mock()), Mock()
+    subscribed.close()  # it was never asked
+    subscribed._event = event
+    subscribed.close()
+    event.destroy_when_not_in_use.assert_called_once_with()
+
+
+def test_a_domain_that_is_left_is_waited_for():
+    left = Mock()
+    Listener._leave(Mock(), [left])
+    assert 0 < left.wait.call_args.args[0] <= LEAVE_TIME

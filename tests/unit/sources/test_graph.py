@@ -205,6 +205,13 @@ def test_many_nodes_that_go_together_are_one_problem(site):
     site.look(60, "diag", *nodes)
     assert site.problems == {}
 
+    other = Site()  # that knows the problem alone
+    other.look(1, "diag")
+    other.watch.adopt("r", "nodes", text, other.now)
+    assert other.watch._robots["r"]._nodes.expected == 0
+    other.look(5, "diag", *nodes)
+    assert other.watch._robots["r"]._nodes.expected == 5
+
 
 def test_two_nodes_of_one_name_are_a_problem_unless_one_of_them_is_about_to_go(site):
     site.learn(*USUAL)

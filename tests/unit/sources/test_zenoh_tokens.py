@@ -7,9 +7,10 @@ from unittest.mock import Mock
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Zenoh
+from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, STATUS
 from ros_diagnostics_exporter.sources.zenoh import TOKENS, Token, ZenohNetwork, parse
-from ros_diagnostics_exporter.sources.zenoh_fields import asked_tokens
+from ros_diagnostics_exporter.sources.zenoh_fields import ZenohFields, asked_tokens
 
 zenoh = pytest.importorskip("zenoh")
 TOKEN = "@/9f/@ros2_lv/MP/r{}§diagnostics/diagnostic_msgs§msg§DiagnosticArray/:1:::;"
@@ -111,3 +112,12 @@ def test_tokens_of_what_is_asked_for_are_noted_and_no_others(network):
     assert not is_noted("@/9f/@ros2_lv/MS/r§io§e_stop/std_msgs§msg§Bool/:1:::;")
     list(network.look())
     assert asked.call_count == len(TOKENS) + len(keys)  # once
+
+
+def test_a_topic_is_closed_once_it_is_not_wanted_any_more():
+    receiver, close, offers = Mock(), Mock(), {"/r/battery": Mock()}
+    fields = ZenohFields(receiver, lambda _key: (lambda: None, close))
+    for wanted, number in ([*offers], 0), ([], 1):
+        receiver.update_offered.return_value = wanted
+        list(fields.look(offers, Instant(1.0, 1.0)))
+        assert close.call_count == number
