@@ -606,3 +606,10 @@ def random_steps(seed: int, *, extra: bool = True) -> Iterator[tuple[Any, ...]]:
                 ("restart", random.choice((1, 5, 60))),
             )
         )
+    # Nothing is known any more of a clock that is wrong, a moment before it is a fault.
+    robot = more.choice(ROBOTS)
+    if extra and more.random() < 0.5:
+        yield "change", robot, {"clock": 3600.0}
+        yield "go", 45
+        yield "change", robot, {"off": True}
+        yield "go", 90
