@@ -220,6 +220,7 @@ def test_a_list_of_many_problems_is_cut(fleet_of, problem, number, more):
 
 def test_too_many_values_are_rejected_before_they_take_memory(fleet_of, monkeypatch):
     monkeypatch.setattr(yaml_file, "MAX_VALUES", 10)
+    monkeypatch.setattr(yaml_file, "MAX_DEPTH", 3)  # as deep as it is
     monkeypatch.setattr(yaml, "compose", lambda *_arguments, **_more: pytest.fail("is composed"))
     with pytest.raises(ConfigError, match=r"fleet.yml:3: has more than 10 keys and values"):
         fleet_of("fleet: demo\nrobots: [{name: a},\n{name: b}, {name: c}, {name: d}]\n")

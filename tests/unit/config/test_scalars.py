@@ -3,6 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.config.queries import MAX_EXPRESSION, expression
 from ros_diagnostics_exporter.config.scalars import address, duration, name
 from ros_diagnostics_exporter.config.yaml_file import read
 
@@ -30,6 +31,13 @@ def test_duration_is_seconds(given, seconds):
 def test_other_text_is_no_duration(given):
     with pytest.raises(ValueError, match=r"is not a duration; write seconds or .* 5s, 1m30s, 24h"):
         duration(given)
+
+
+@pytest.mark.parametrize("given", ["x", "x" * MAX_EXPRESSION])
+def test_expression_has_one_to_as_many_characters_as_the_schema_says(given):
+    assert expression(given) == given
+    with pytest.raises(ValueError, match="is empty or longer than 4096 characters"):
+        expression(given * MAX_EXPRESSION + given)
 
 
 @pytest.mark.parametrize("given", ["10.0.0.1", "robot-1.lan", "r", "fe80::1", "::1", "my_host"])
