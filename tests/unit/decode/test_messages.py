@@ -135,6 +135,8 @@ def test_whatever_bytes_come_they_are_a_message_or_undecodable(name, data, order
 def test_a_type_has_its_constants_and_the_hash_that_its_publishers_have():
     found = TYPES.find("sensor_msgs/msg/BatteryState")
     assert found.constants["sensor_msgs/BatteryState"]["POWER_SUPPLY_STATUS_FULL"] == "4"
+    using = TYPES.find("actionlib_msgs/msg/GoalStatusArray")
+    assert using.constants["actionlib_msgs/GoalStatus"]["ACTIVE"] == "1"
     string = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     assert TYPES.find("std_msgs/msg/String").hash == string
 
