@@ -27,7 +27,8 @@ ENDED = event(4, 130.0, "fault_ended", since=100.0, reason="recovered", message=
 AGAIN = event(5, 210.0, "fault_began", since=200.0, message="hot")
 OTHER = event(6, 212.0, "fault_began", since=200.0, component="Motor 2")
 LEVEL = {"id": 7, "time": 100.0, "kind": "level", "robot": "r", "component": "Motor 1"}
-ALL = [BEGAN, SENT, TAKEN, ENDED, AGAIN, OTHER, LEVEL]
+UNDATED = {**LEVEL, "id": 8, "kind": "fault_began"}
+ALL = [BEGAN, SENT, TAKEN, ENDED, AGAIN, OTHER, LEVEL, UNDATED]
 
 
 @given(st.permutations(ALL))

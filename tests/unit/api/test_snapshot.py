@@ -290,6 +290,7 @@ def test_a_component_that_never_changed_does_not_flap():
     driver = StateDriver().raw(Status(OK, "Motor"))
     (motor,) = robot(driver)["components"]
     assert (motor["state"], motor["flap_ratio"], motor["changes"]) == ("OK", 0.0, 0)
+    assert motor["reported_level"] == "OK"
 
 
 def test_infinity_is_no_number_of_json():

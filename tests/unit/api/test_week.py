@@ -218,6 +218,7 @@ def test_the_week_is_counted_from_the_log_with_what_began_before_it_unless_there
     log = [began, {"id": 2, "time": END - 9, "kind": "fault_ended", "reason": "recovered", **of}]
 
     def find(*, kind: str, since: float, limit: int) -> list[dict[str, Any]]:
+        assert since == END - 3 * WEEK
         found = [each for each in log if each["kind"] == kind and each["time"] >= since]
         return (found * times)[:limit]
 
