@@ -106,7 +106,8 @@ def test_of_a_transition_its_two_states_are_read():
 
 def test_the_middleware_is_asked_why_until_the_subscription_is_closed():
     subscribed, event = Subscribed(Mock()), Mock()
-    subscribed.close()  # it was never asked
+    assert subscribed.refused == ""  # it is asked later
+    subscribed.close()
     subscribed._event = event
     subscribed.close()
     event.destroy_when_not_in_use.assert_called_once_with()
