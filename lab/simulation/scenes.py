@@ -78,8 +78,10 @@ def _own_part(random: Random) -> _Scene:
 def _transport(random: Random) -> _Scene:
     """Too few robots can drive, and those that cannot are in a downtime."""
     broken = random.sample(ROBOTS, 3)
-    for robot in broken:
-        yield 0, ("array", robot, {"motor": ERROR})
+    for robot in ROBOTS:
+        yield 0, ("downtime", robot, False)
+        yield 0, ("back", robot)
+        yield 0, ("array", robot, {"motor": ERROR if robot in broken else OK})
     yield 0, ("wait", 300)
     for is_so in (True, False):
         for robot in broken:
