@@ -410,7 +410,7 @@ class Site:
     def may_not_drive(self, robot: Sender) -> bool:
         """Whether a robot cannot drive, or nobody knows any more whether it can."""
         part = robot.parts[DRIVES]
-        is_silent = not robot.is_new and self.is_away(robot)
+        is_silent = robot.arrived > 0.0 and self.is_away(robot)  # with whatever it sent
         is_bad = part.level != OK or self.ran - part.at > STALE_AFTER / 4
         may_flap = part.changes >= FEWEST  # whatever it says at the moment
         is_failing = may_flap or (is_bad and self.is_due(part.ok_at, CONFIRM))

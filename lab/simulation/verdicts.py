@@ -315,15 +315,7 @@ class Delivered:
         assert identity in self.lasting, f"ended twice: {identity}"
         self.lasting.remove(identity)
         if not recovered:
-            robot, component = self.forgotten or ("", "")
-            # With it what counts it, of which too little is left.
-            of_robot, of_all = identity.state is State.MANY, identity.scope is Scope.COMMON
-            about = "" if of_all else robot, "" if of_robot else component
-            is_taken_out = (identity.robot, identity.component) == about and bool(self.forgotten)
-            is_taken_out = is_taken_out or self._is_without_threshold(identity)
-            if identity.scope is Scope.CAPABILITY:  # that of which a part was taken out
-                is_taken_out = identity.robot == robot or not self.charges[identity.robot].may_fall
-            assert is_taken_out, f"removed by nobody: {identity}"
+            assert self._is_taken_out(identity), f"removed by nobody: {identity}"
             return
         assert not self._is_planned(identity), f"recovered in a downtime: {identity}"
         if identity.scope is Scope.COMPONENT:
@@ -356,6 +348,16 @@ class Delivered:
             assert 2 * len(left) < COMMON_NEEDS, f"recovered although {left} last: {identity}"
         if identity.scope is Scope.CAPABILITY and identity.state is State.LOST:
             self._capability_recovered(identity)
+
+    def _is_taken_out(self, identity: Identity) -> bool:
+        """Whether a person takes out what it is about; or a part, so that too little is left."""
+        robot, component = self.forgotten or ("", "")
+        if identity.scope is Scope.CAPABILITY:
+            return identity.robot == robot or not self.charges[identity.robot].may_fall
+        of_robot, of_all = identity.state is State.MANY, identity.scope is Scope.COMMON
+        about = "" if of_all else robot, "" if of_robot else component
+        is_forgotten = (identity.robot, identity.component) == about and bool(self.forgotten)
+        return is_forgotten or self._is_without_threshold(identity)
 
     def _is_without_threshold(self, identity: Identity) -> bool:
         """Whether it rests on a threshold that fleet.yml has no longer."""

@@ -158,7 +158,7 @@ def test_a_seed_that_failed_behind_a_network_breaks_nothing(seed):
     network.play(seed, extra=False)
 
 
-@pytest.mark.parametrize("seed", [424, *range(12)])
+@pytest.mark.parametrize("seed", [424, 13000198, *range(12)])
 def test_a_bad_network_wrong_clocks_and_a_full_disk_break_nothing(seed):
     network.play(seed)
 
