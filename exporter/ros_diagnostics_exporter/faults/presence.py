@@ -208,8 +208,10 @@ def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
     if history is None:
         return
     # While it is away it may be broken: that it no longer changes does not end what it had.
-    identity = Identity(Scope.ROBOT, State.FLAPPING, robot=robot.name)
-    components.judge_flapping(book, history, identity, now, is_known=robot.up)
+    is_known = State.FLAPPING in robot.problems
+    if is_known or history.ratio >= book.settings.flapping.start:  # of most neither
+        identity = Identity(Scope.ROBOT, State.FLAPPING, robot=robot.name)
+        components.judge_flapping(book, history, identity, now, is_known=robot.up)
     if robot.flapping != was_flapping:
         touch_all(book, robot)
     if history.ratio > 0.0:

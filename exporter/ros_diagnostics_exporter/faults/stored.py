@@ -108,7 +108,11 @@ def _write_history(history: FlapHistory | None, clock: Clock) -> dict[str, Any] 
     if history is None:
         return None
     changed = [mono + clock.offset for mono in history.changed]
-    return _History([*map(Level, history.slots)], history.last + clock.offset, changed)._asdict()
+    return {
+        "slots": [*history.slots],
+        "last": history.last + clock.offset,
+        "changed": changed,
+    }
 
 
 def _read_history(stored: _History | None, clock: Clock) -> FlapHistory | None:
