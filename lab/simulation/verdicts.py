@@ -192,6 +192,8 @@ class Delivered:
             assert len(lost) >= least, f"began with {lost}: {identity}"
         if robot and state is State.LOST and name != "driving":
             for part in PARTS[name]:
+                if (robot, part) not in self.truth:
+                    continue  # a person took it out
                 known = self.truth[robot, part]
                 is_due = at >= known.wrong + CONFIRM - SOON or len(known.changes) >= FEWEST
                 assert is_due or self._is_planned_part(robot, part), f"began early: {identity}"
@@ -330,7 +332,7 @@ class Delivered:
             silent = {
                 each for each, at in self.silent_since.items() if at < self.began_at[identity]
             }
-            silent -= self.up | self.planned
+            silent -= self.up | self.planned | self.cut
             assert 2 * len(silent) < SITE_NEEDS, f"recovered although {silent} are: {identity}"
         if identity.scope is Scope.VALUE:
             charge = self.charges[identity.robot]

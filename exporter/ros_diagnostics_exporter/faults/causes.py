@@ -127,7 +127,11 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
     if cause.active is None and fresh >= needed:
         cause.active = now
         book.write(cause)
-    elif cause.active is not None and 2 * left < needed and not (adopted or _may_grow(book, cause)):
+    elif (
+        cause.active is not None
+        and 2 * left < needed
+        and not (adopted or _may_grow(book, cause, now))
+    ):
         cause.active = None
         book.write(cause)
     cause.thinned = cause.thinned and cause.active is None
@@ -137,9 +141,21 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         drop_usual(book, cause)
 
 
-def _may_grow(book: Book, cause: Cause) -> bool:
-    """Whether it is not known yet how many robots other exporters count."""
-    return cause.robot is None and book.others.known < 1
+def _may_grow(book: Book, cause: Cause, now: Instant) -> bool:
+    """Whether it is not known yet how many robots other exporters count, or which are silent.
+
+    Those are the robots of which nothing was received since a start, in restart_grace.
+    """
+    if cause.robot is not None:
+        return False
+    is_starting = cause.scope is Scope.SITE and now.mono < book.grace_until
+    return book.others.known < 1 or (
+        is_starting
+        and any(
+            each.presence is Presence.SILENT and not (each.counted or each.maintenance)
+            for each in robots_of(book, cause.scope, cause.name)
+        )
+    )
 
 
 def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:

@@ -120,6 +120,15 @@ INTERMITTENT_BEFORE_ITS_UPLINK = [
     (1, ("uplink", ERROR), False),
     (260, ("uplink", OK), False),
 ]
+# Nothing was received since a start of a robot whose downtime is over: it may be silent, too.
+SILENT_AFTER_A_START_AND_A_DOWNTIME = [
+    (0, ("downtime", "r3", True), False),
+    (60, ("silent", {"r1", "r2", "r3", "r4"}), False),
+    (60, ("restart",), False),
+    (0, ("back", "r1"), False),
+    (0, ("back", "r2"), False),
+    (0, ("downtime", "r3", False), False),
+]
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -133,6 +142,7 @@ INTERMITTENT_BEFORE_ITS_UPLINK = [
 @example(MANY_OF_WHICH_ONE_FLAPS)
 @example(STILL_FLAPPING_AFTER_ITS_CAPABILITY)
 @example(INTERMITTENT_BEFORE_ITS_UPLINK)
+@example(SILENT_AFTER_A_START_AND_A_DOWNTIME)
 def test_whatever_is_freshly_error_is_a_fault_or_a_lasting_fault_explains_it(history):
     play(history)
 
