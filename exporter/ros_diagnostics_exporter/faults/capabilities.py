@@ -8,6 +8,7 @@ to be repaired all the same. What is in maintenance is left out in both directio
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import inf
 
@@ -295,6 +296,8 @@ def _judge(
                 book.touch(robot.all_problems())
     for fault_state, state in _STATES.items():
         verdict = _verdict_on(state, actual, in_use)
+        if verdict is Verdict.NO_DATA and _is_repaired(capability, actual):
+            verdict = Verdict.HEALTHY
         if in_use.due == inf:  # something larger explains the silence of too many robots
             verdict = min(verdict, Verdict.NO_DATA)
         _take_verdict(book, capability, fault_state, (verdict, in_use.due), now)
@@ -336,6 +339,18 @@ def _take_verdict(
         problem.clock = clock
         book.write(problem)  # with the same verdict, too: a restart is not to judge it sooner
     book.give_verdict(problem, verdict)
+
+
+def _is_repaired(capability: CapabilityRecord, actual: Standing) -> bool:
+    """Whether it is not known, and not for the parts for which it was bad: these are OK.
+
+    So it is with a part that was never received, or that fleet.yml ignores.
+    """
+    wanted, parts = capability.wanted, capability.parts.keys()
+    if wanted is None or actual is NOT_KNOWN or actual.state is not CapabilityState.UNKNOWN:
+        return False
+    known = needs.parts_of(wanted.need, defaultdict(tuple))
+    return bool(parts) and parts <= set(known) and parts.isdisjoint(actual.parts)
 
 
 def _verdict_on(state: CapabilityState, actual: Standing, in_use: Standing) -> Verdict:

@@ -226,6 +226,15 @@ def test_a_component_that_a_reload_ignores_is_no_part_that_works(tmp_path):
     assert driver.fault_names() == {("capability", "lost", "r", "view")}
 
 
+def test_what_was_lost_for_a_part_ends_with_that_though_another_is_ignored(tmp_path):
+    rule = VIEW.replace("components: []", "components: [{match: Lidar A, ignore: true}]")
+    driver = StateDriver(fleet=load_text(tmp_path, rule.replace("any:", "all:")))
+    driver.stand(SETTLED, *LIDARS).stand(12, *BLIND)
+    assert driver.fault_names() == {("capability", "lost", "r", "view")}
+    driver.stand(12, *LIDARS)
+    assert (states(driver), driver.fault_names()) == ({"view": "unknown"}, set())
+
+
 def test_a_reload_that_drops_a_capability_and_the_thresholds_of_its_part_begins_nothing(driver):
     low = Status(OK, "Battery", "", "", (("Charge", "5"),))
     publish(driver, low)
