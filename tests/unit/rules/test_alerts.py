@@ -104,7 +104,6 @@ def test_an_alert_queries_nothing_and_blanks_only_what_changes_while_it_fires(na
     assert not [text for text in texts if re.search(r"\bquery\b", text)]
     assert {label for label, text in rule.get("labels", {}).items() if text == ""} <= {
         "evidence",
-        "message",
         "robots",
     }
 
