@@ -92,6 +92,9 @@ class World(Delivered):
         self.received.update((robot, name) for name in reported if reported[name] is not STALE)
         total = len(COMPONENTS)
         self.engine(lambda faults, now: faults.components_changed(robot, reports, total, now))
+        if self.taken_out.get(robot) in reported:
+            del self.taken_out[robot]
+            self.engine(able(robot))  # with what is a part again
 
     def _note_change(self, robot: str, name: str, level: Level) -> None:
         """Note a change of a component's level, which does not count in a downtime."""
@@ -436,6 +439,7 @@ class World(Delivered):
         assert not left, f"was taken out, and lasts: {left}"
         self.forgotten = None
         self.received.discard((robot, name))
+        self.taken_out[robot] = name
         if name in COMPONENTS:
             self.array(robot, {name: former.level})
         elif robot in self.up:
@@ -470,8 +474,14 @@ class World(Delivered):
         """Other settings of the whole fleet."""
         before, self.player.settings = self.step, how
         self.engine(lambda faults, now: faults.configure(how, now))
-        for charge in self.charges.values() if self.step != before else ():
-            charge.first = charge.first if isinf(charge.first) else self.second
+        if self.step == before:
+            return
+        is_back = self.step_before == (self.second, self.step)  # no sample was taken by another
+        self.step_before = self.second, before
+        for charge in self.charges.values():
+            if not isinf(charge.first):
+                first = charge.first_before if is_back else self.second
+                charge.first, charge.first_before = first, charge.first
 
     def repair(self) -> None:
         """All is OK, received, and in no downtime."""

@@ -147,6 +147,7 @@ class Charge:
     taken: list[tuple[float, float]] = field(default_factory=lambda: [(-inf, 50.0)])  # when what
     # When its trend has its first sample, at the earliest; -inf: another process judged it last.
     first: float = inf
+    first_before: float = -inf  # ... by the settings before
     timer: float = -inf  # until when a trend that there is no more may take a sample
 
     @property

@@ -80,10 +80,12 @@ class Delivered:
     cut_at: float = -inf  # when that began or ended of any
     own: OwnParts = field(default_factory=OwnParts)
     clock_set_at: float = -inf  # when the wall clock was last set
+    step_before: tuple[float, float] = -inf, 0.0  # until when trends had which step
     began_at: dict[Identity, float] = field(default_factory=dict)  # when a fault last began
     over_at: dict[Identity, float] = field(default_factory=dict)  # ... and ended
     planned_at: dict[str, float] = field(default_factory=dict)  # when a downtime began or ended
     forgotten: tuple[str, str] | None = None  # a component that a person takes out now
+    taken_out: dict[str, str] = field(default_factory=dict)  # by robot, until it is received again
 
     def engine(self, *happened: Event) -> None:
         """Let time pass, then these; nothing begins or ends that may not."""
