@@ -92,6 +92,10 @@ def test_silence_and_maintenance_are_suppressed():
     )
 
 
+def test_after_a_silence_a_clock_is_wrong_only_if_it_is_seen_to_be():
+    play((0, clocks(60.0)), (10, silent()), (15, back()), (100, None))
+
+
 def test_a_robot_that_is_removed_takes_its_fault_with_it():
     play((0, clocks(60.0)), (60, None, f"began {R1}"), (70, forget(), f"removed {R1}"))
 
