@@ -342,12 +342,14 @@ def _take_verdict(
 
 
 def _is_repaired(capability: CapabilityRecord, actual: Standing) -> bool:
-    """Whether it is not known, and not for the parts for which it was bad: these are OK.
+    """Whether a robot's is not known, and not for the parts for which it was bad: these are OK.
 
     So it is with a part that was never received, or that fleet.yml ignores.
     """
     wanted, parts = capability.wanted, capability.parts.keys()
-    if wanted is None or actual is NOT_KNOWN or actual.state is not CapabilityState.UNKNOWN:
+    if wanted is None or capability.robot is None or actual is NOT_KNOWN:
+        return False
+    if actual.state is not CapabilityState.UNKNOWN:
         return False
     known = needs.parts_of(wanted.need, defaultdict(tuple))
     return bool(parts) and parts <= set(known) and parts.isdisjoint(actual.parts)
