@@ -24,11 +24,11 @@ _Scene = Iterator[tuple[int, tuple[Any, ...]]]
 
 
 def _uplink(random: Random) -> _Scene:
-    """The uplink fails before or after what is behind it, and is repaired."""
-    behind: tuple[Any, ...] = ("silent", set(ROBOTS))
+    """The uplink fails before or after what it explains, and is repaired."""
+    explained: tuple[Any, ...] = ("silent", set(ROBOTS))
     if random.random() < 0.5:
-        behind = ("measure", ROBOTS, {random.choice(list(HOSTS)): ERROR})
-    both = [("uplink", ERROR), behind]
+        explained = ("measure", ROBOTS, {random.choice(list(HOSTS)): ERROR})
+    both = [("uplink", ERROR), explained]
     for step in random.sample(both, 2):
         yield 5, step
         yield 0, ("wait", random.choice((20, 60)))

@@ -85,7 +85,7 @@ def _unfit_for_shards(
         if profile.confirm_after < TOLD_WITHIN:
             what = (
                 f"is {written(profile.confirm_after)}, before exporters with --shard know what the "
-                f"others count: a silent site would be a fault of each robot"
+                "others count: a silent site would be a fault of each robot"
             )
             remedy = f"make it {written(TOLD_WITHIN)} or longer; that of a component may be shorter"
             yield document.problem(("profiles", name, "confirm_after"), what, remedy)

@@ -186,16 +186,16 @@ class Book:
             self.own.setdefault(identity.component, CLOCK_TIME)
             key = identity
         elif robot is None or identity.state is State.MANY:
-            of = identity.site if scope is Scope.SITE else identity.component
-            problem.cause = self.cause(scope, of) if robot is None else robot.many
+            name = identity.site if scope is Scope.SITE else identity.component
+            problem.cause = self.cause(scope, name) if robot is None else robot.many
             owner, key = problem.cause.problems, identity.severity
         elif scope is Scope.CHECK:
             owner, key = robot.checks, identity.check
         elif scope is Scope.ROBOT:
             owner = robot.problems
         else:
-            name = ComponentName(identity.group, identity.component)
-            component = problem.component = robot.components[name]
+            component = robot.components[ComponentName(identity.group, identity.component)]
+            problem.component = component
             owner = component.problems
             if scope is Scope.VALUE:
                 owner, key = component.values, (identity.key, identity.bound, identity.state.value)

@@ -72,7 +72,7 @@ def configure(
         # After a restart, components that its patterns match may not have been received yet.
         known = robot is not None and capability.wanted is not None
         if known:
-            wanted_parts = dict(zip(parts[each.name], parts[each.name], strict=True))
+            wanted_parts = {part: part for part in parts[each.name]}
             gone += _follow_parts(book, capability, wanted_parts.get)
         capability.wanted = each
         records[each.name] = capability
@@ -202,14 +202,9 @@ def is_maintained(book: Book, robot: RobotRecord | None, part: PartName) -> bool
 def _of_part(book: Book, robot: RobotRecord, part: PartName) -> Standing:
     """How good a part of a robot is, by the problems that it has."""
     worst = FINE
-    is_known = any(each.is_fault and part in each.parts for each in robot.capabilities.values())
     for problem in _problems_of(robot, part):
         state = _state_of_part(problem)
-        component = problem.component
-        # Switched off as planned it is as good as when it is on, unless it is known to be broken.
-        if component and component.is_planned_stale and not (is_known or problem.fault):
-            continue
-        if state is CapabilityState.OK or state < worst.state:
+        if state is CapabilityState.OK or state < worst.state or _is_off(robot, part, problem):
             continue
         due = book.due(problem, as_part=True)
         if state == worst.state:
@@ -217,6 +212,17 @@ def _of_part(book: Book, robot: RobotRecord, part: PartName) -> Standing:
         absent = state is CapabilityState.UNKNOWN or problem.verdict is Verdict.ABSENT
         worst = Standing(state, {part: Bad(state, due)}, due, absent)
     return worst
+
+
+def _is_off(robot: RobotRecord, part: PartName, problem: Problem) -> bool:
+    """Whether its component is just switched off as planned: then it is as good as when it is on.
+
+    Not so where it is known to be broken, by a fault of its own or of a capability.
+    """
+    component = problem.component
+    if component is None or not component.is_planned_stale or problem.fault is not None:
+        return False
+    return not any(each.is_fault and part in each.parts for each in robot.capabilities.values())
 
 
 def _of_robot(book: Book, part: PartName, now: Instant) -> Standing:

@@ -148,13 +148,13 @@ def _may_grow(book: Book, cause: Cause, now: Instant) -> bool:
     """
     if cause.robot is not None:
         return False
-    is_starting = cause.scope is Scope.SITE and now.mono < book.grace_until
-    return book.others.known < 1 or (
-        is_starting
-        and any(
-            each.presence is Presence.SILENT and not (each.counted or each.maintenance)
-            for each in robots_of(book, cause.scope, cause.name)
-        )
+    if book.others.known < 1:
+        return True
+    if cause.scope is not Scope.SITE or now.mono >= book.grace_until:
+        return False
+    return any(
+        each.presence is Presence.SILENT and not (each.counted or each.maintenance)
+        for each in robots_of(book, cause.scope, cause.name)
     )
 
 

@@ -28,7 +28,9 @@ def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
             verdict = Verdict.NO_DATA
         else:
             verdict = _verdict(offset, in_trouble=problem is not None)
-        book.judge(Identity(Scope.ROBOT, State.CLOCK, robot=name), verdict, now)
+        known = Verdict.HEALTHY if problem is None else problem.verdict
+        if verdict is not known:  # of most robots nothing changes, and all are asked each second
+            book.judge(Identity(Scope.ROBOT, State.CLOCK, robot=name), verdict, now)
 
 
 def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdict:

@@ -88,10 +88,7 @@ def judge_flapping(
     verdict = _HEALTHY if is_known else _NO_DATA
     if history.ratio >= (settings.stop if flaps else settings.start):
         verdict = _FAILING
-    if problem is None and verdict is _FAILING:
-        problem = book.new_problem(identity, now)
-    if problem is not None:
-        book.give_verdict(problem, verdict)
+    book.judge(identity, verdict, now)
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -247,8 +244,9 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
     if number >= most:
         verdict = Verdict.FAILING
-    of = component.robot.name, *component.name
-    book.judge(Identity(Scope.FLAPPING, State.INTERMITTENT, "", *of), verdict, now)
+    robot = component.robot.name
+    identity = Identity(Scope.FLAPPING, _INTERMITTENT, "", robot, *component.name)
+    book.judge(identity, verdict, now)
 
 
 def _judge_flapping(

@@ -190,8 +190,9 @@ class FaultReports:
             self._report_domains(now)
             self._record(self.engine.clocks(self._clocks(), now))
             self._report_fleet(now)
-            for reports in [each for each in self._robots.values() if each.may_end]:
-                self._record(reports.end_unrepeated(self.engine, now))
+            for reports in self._robots.values():
+                if reports.may_end:
+                    self._record(reports.end_unrepeated(self.engine, now))
         self.advance(now)
 
     def restore(self, rows: Iterable[Row], now: Instant) -> list[Row]:
