@@ -68,6 +68,7 @@ class Book:
         self.settled_at = -inf
         self.fleet_known_at = -inf
         self.restored_at = -inf  # when rows were read, monotonic
+        self.is_reloading = False  # robots follow another config, one by one
         self.clock_offset = 0.0  # of the wall clock to the monotonic, when hours were computed
         self.robots: dict[str, RobotRecord] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components

@@ -138,7 +138,10 @@ def update_touched(book: Book, now: Instant) -> None:
 
 
 def update_fleet(book: Book, now: Instant) -> None:
-    """Judge what the fleet can do, by what its robots can."""
+    """Judge what the fleet can do, by what its robots can; not before a reload is over."""
+    if book.is_reloading:
+        book.timers.set(("fleet", None), now.mono + FLEET_DELAY)
+        return
     if now.mono >= book.fleet_known_at:
         for capability in book.capabilities.values():
             capability.adopted = False

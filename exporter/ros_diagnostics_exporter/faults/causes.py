@@ -105,12 +105,17 @@ def count_robot(book: Book, robot: RobotRecord, now: Instant) -> None:
 
 
 def update_touched(book: Book, now: Instant) -> None:
-    """Judge the causes that were touched; those of robots last, because others explain them."""
+    """Judge the causes that were touched; those of robots last, because others explain them.
+
+    Those of several robots not before a reload is over: what has enough only while some robots
+    follow the config and others do not would go on with half of that.
+    """
     for of_robots in (False, True):
         touched = [each for each in book.touched_causes if (each.robot is not None) is of_robots]
         for cause in touched:
             del book.touched_causes[cause]
-            _update(book, cause, now)
+            if of_robots or not book.is_reloading:
+                _update(book, cause, now)
 
 
 def drop_usual(book: Book, cause: Cause) -> None:

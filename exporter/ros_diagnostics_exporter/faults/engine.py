@@ -141,15 +141,22 @@ class Faults:
 
     # -- config and people -------------------------------------------------------------------
 
-    def configure(self, settings: FaultSettings, now: Instant) -> list[Change]:
-        """Follow other settings of the fleet."""
+    def configure(
+        self, settings: FaultSettings, now: Instant, *, is_over: bool = True
+    ) -> list[Change]:
+        """Follow other settings of the fleet.
+
+        Unless the reload ``is_over``, robots follow next, and this is to be called once more: only
+        then is judged what is larger than a robot.
+        """
         changes = self.advance(now)
-        book = self._book
-        book.settings = settings
-        judge.set_hours_timer(book, now)
-        book.touch(book.problems.values())
+        book, has_changed = self._book, settings != self._book.settings
+        book.settings, book.is_reloading = settings, not is_over
         book.touch_causes()
-        for robot in book.robots.values():
+        if has_changed:
+            judge.set_hours_timer(book, now)
+            book.touch(book.problems.values())
+        for robot in book.robots.values() if has_changed else ():
             presence.judge_anew(book, robot, now)
         return changes + judge.settle(book, now)
 
@@ -187,10 +194,7 @@ class Faults:
     def configure_capabilities(
         self, robot: str | None, wanted: Iterable[WantedCapability], now: Instant
     ) -> list[Change]:
-        """Set what a robot, or (None) the fleet, can do, each after those that it needs.
-
-        All others are removed.
-        """
+        """Have just these capabilities of a robot, or (None) the fleet, in their order of need."""
         changes = self.advance(now)
         record = None if robot is None else self._robot(robot)
         gone = capabilities.configure(self._book, record, wanted, now)
@@ -447,10 +451,7 @@ class Faults:
         return {name: each.view for name, each in self._robot(robot).capabilities.items()}
 
     def needs(self, robot: str | None) -> dict[str, NeedView]:
-        """What a robot, or (None) the fleet, can do, with how good all its parts are.
-
-        Each after those that it needs.
-        """
+        """What a robot, or (None) the fleet, can do in order of need, with how good parts are."""
         book = self._book
         records = book.capabilities if robot is None else self._robot(robot).capabilities
         return capabilities.views(book, records)

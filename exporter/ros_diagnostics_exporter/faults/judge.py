@@ -70,14 +70,16 @@ def _propagate(book: Book, now: Instant) -> bool:
 
     Returns whether any problem is to be judged.
     """
-    while book.touched_robots or book.touched_causes or book.changed:
-        if book.touched_robots:
-            capabilities.update_touched(book, now)
-        causes.update_touched(book, now)
+    while book.changed or book.touched_robots or book.touched_causes:
         changed, book.changed = book.changed, {}
         for problem, before in changed.items():
             if problem.may_explain:
                 _pass_on(book, problem, before, now)
+        if book.touched_robots:
+            capabilities.update_touched(book, now)
+        # Last: enough of what something else explains would make one that then goes on with half.
+        if not book.changed:
+            causes.update_touched(book, now)
     return bool(book.touched)
 
 

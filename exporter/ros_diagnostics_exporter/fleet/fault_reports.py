@@ -107,11 +107,12 @@ class FaultReports:
         if has_news or (not (robot.up and reports.is_up) and reports.is_due(now)):
             self._record(reports.update(self.engine, self._time(now)))
 
-    def configure(self, fleet: Fleet, now: Instant) -> None:
-        """Follow another config in what is not of a robot."""
-        if fleet.faults != self._fleet.faults:
-            self._record(self.engine.configure(fleet.faults, self._time(now)))
-        self._fleet = fleet
+    def configure(self, fleet: Fleet, now: Instant, *, is_over: bool) -> None:
+        """Follow another config in what is not of a robot, before all robots do and after it."""
+        now, self._fleet = self._time(now), fleet
+        if is_over:
+            self._report_fleet(now)
+        self._record(self.engine.configure(fleet.faults, now, is_over=is_over))
 
     def configure_robot(self, robot: RobotState, now: Instant) -> None:
         """Follow a robot's config, after the robot did."""

@@ -233,18 +233,24 @@ class FleetState(WatchedFleet):
 
     def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
         self.fleet = fleet
-        self._faults.configure(fleet, now)
+        self._faults.configure(fleet, now, is_over=False)
         self._feeds = _feeds(fleet)
-        for robot in self._registry.configure(fleet, now):
-            if robot is not None:
-                robot.follow_feeds(self._feeds, now)
-                if self._missions is not None:
-                    self._missions.configure(robot, now)
-                self._faults.configure_robot(robot, now)
-                self._look_at_latest(robot, robot.next_tick)
-            yield
+        try:
+            for robot in self._registry.configure(fleet, now):
+                if robot is not None:
+                    self._configure_robot(robot, now)
+                yield
+        finally:
+            self._faults.configure(fleet, now, is_over=True)
         self._slow_tick_at = float("-inf")
         self._holding = None
+
+    def _configure_robot(self, robot: RobotState, now: Instant) -> None:
+        robot.follow_feeds(self._feeds, now)
+        if self._missions is not None:
+            self._missions.configure(robot, now)
+        self._faults.configure_robot(robot, now)
+        self._look_at_latest(robot, robot.next_tick)
 
     def _go_on(self, steps: Iterator[None]) -> bool:
         """Do some steps under the lock; whether there are more."""

@@ -324,3 +324,20 @@ def test_what_became_due_while_the_process_was_away_begins_when_it_is_back():
     last.reborn(200)
     [begun] = last.go(201)
     assert begun.fault.confirmed - WALL == 200
+
+
+@pytest.mark.parametrize("names", [("board", "motor"), ("motor", "board")])
+def test_what_another_explains_is_not_common_however_the_array_is_ordered(names):
+    """Once a motor that came before its board in the array made the common fault, and kept it."""
+    on_board = ComponentSettings(10.0, depends_on=frozenset({("", "board")}))
+    used = {"board": ComponentSettings(10.0), "motor": on_board}
+    reports = [ComponentReport(ComponentName("", each), ERROR, used[each]) for each in names]
+    play(
+        (0, level("motor", ERROR, robot="r2")),
+        (10, None, "began component/critical r2 motor"),
+        (20, lambda faults, now: faults.components_changed("r1", reports, 20, now)),
+        (30, None, "began component/critical r1 board"),
+        (300, None),
+        robots=["r1", "r2"],
+        settings=FaultSettings(common=CauseSettings(2, 0.1)),
+    )

@@ -199,6 +199,18 @@ def test_what_is_removed_from_the_file_ends_as_removed(hall, tmp_path):
     assert hall.work(3).changes[1:] == ["ended removed no_reserve"]
 
 
+def test_what_is_removed_with_another_config_of_its_robots_does_not_begin_first(hall):
+    """Once it was judged by what the robots lost with that config, and removed a second later."""
+    text = hall.path.read_text().replace("lifting: Lift", "lifting: Hook").splitlines(keepends=True)
+    for _second in range(30):
+        for name in ("r1", "r2", "r3"):
+            hall.receive(f"/{name}/diagnostics", Status(ERROR, "Hook"))
+        hall.work(1)
+    hall.path.write_text("".join(line for line in text if "lifting at" not in line))
+    hall.configure(load(hall.path))
+    assert hall.work(3).changes == []
+
+
 def test_one_capability_of_the_fleet_rests_on_another_and_on_expressions(tmp_path):
     least = (
         "{k: 1, of: [{can: lifting, robots: {robot: [r1, r2]}}]}}, deliveries: {all: ["

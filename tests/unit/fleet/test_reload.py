@@ -6,9 +6,11 @@ import re
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
     Check,
     ComponentRule,
     Discovery,
+    FaultSettings,
     Fleet,
     Profile,
     Robot,
@@ -411,3 +413,24 @@ def test_a_site_that_is_renamed_while_it_is_silent_is_one_fault_of_its_new_name(
     assert driver.at(170).fault_names() == {("site", "silent", "yard")}
     changes = [(each.kind, each.reason) for each in driver.events if each.kind.startswith("fault")]
     assert changes == [("fault_began", ""), ("fault_ended", "removed"), ("fault_began", "")]
+
+
+@pytest.mark.parametrize("names", [("a", "b", "c"), ("b", "a", "c")])
+def test_robots_that_change_their_places_are_counted_where_they_are_then(names):
+    """Once one site had both silent robots until the second had followed, and was silent after."""
+
+    def of_sites(**sites: str) -> Fleet:
+        robots = [raw_robot(each, labels={"site": sites[each]}) for each in names]
+        return Fleet("f", tuple(robots), faults=FaultSettings(site=CauseSettings(2, 0.5)))
+
+    driver = StateDriver(fleet=of_sites(a="hall", b="dock", c="hall"))
+    for each in names:
+        driver.receive(f"/{each}/diagnostics", LASER)
+    for _second in driver.seconds(60):
+        driver.receive("/c/diagnostics", LASER)
+    alone = {("robot", "silent", "a"), ("robot", "silent", "b")}
+    assert driver.fault_names() == alone
+    driver.configure(of_sites(a="dock", b="hall", c="dock"))
+    for _second in driver.seconds(90):
+        driver.receive("/c/diagnostics", LASER)
+    assert driver.fault_names() == alone
