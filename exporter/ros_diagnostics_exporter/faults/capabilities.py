@@ -369,7 +369,7 @@ def _verdict_on(state: CapabilityState, actual: Standing, in_use: Standing) -> V
     if in_use.state is state:
         return Verdict.ABSENT if in_use.absent else Verdict.FAILING
     # One goes on under a worse, which is no recovery; that nothing is known is none, either.
-    is_known = actual.state is not CapabilityState.UNKNOWN
+    is_known = CapabilityState.UNKNOWN not in (actual.state, in_use.state)
     return Verdict.HEALTHY if is_known and actual.state < state else Verdict.NO_DATA
 
 

@@ -291,6 +291,18 @@ def test_a_part_in_maintenance_is_left_out():
     )
 
 
+def test_that_nothing_is_known_yet_of_the_other_parts_ends_nothing():
+    """Once it was found by the part in maintenance, which is OK and cannot be used."""
+    play(
+        (0, on(UPPER, level(LOWER, ERROR))),
+        (10, None, f"began {LOST} view"),
+        (20, on(UPPER, silent())),
+        (22, on(UPPER, back("r1", level(UPPER, OK)))),
+        (25, on(UPPER, level(LOWER, ERROR))),
+        (100, on(UPPER, level(LOWER, OK)), f"recovered {LOST} view"),
+    )
+
+
 def test_without_a_part_in_maintenance_the_others_are_judged():
     play(
         (0, on(MOTOR, level(MOTOR, ERROR))),
