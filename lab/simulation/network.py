@@ -411,10 +411,18 @@ class Site:
         """Whether a robot cannot drive, or nobody knows any more whether it can."""
         part = robot.parts[DRIVES]
         is_silent = robot.arrived > 0.0 and self.is_away(robot)  # with whatever it sent
-        is_bad = part.level != OK or self.ran - part.at > STALE_AFTER / 4
-        may_flap = part.changes >= FEWEST  # whatever it says at the moment
+        is_bad = part.level != OK or self.is_late(part)
+        may_flap = self.most_changes(part) >= FEWEST  # whatever it says at the moment
         is_failing = may_flap or (is_bad and self.is_due(part.ok_at, CONFIRM))
         return is_silent or (not part.is_new and is_failing)
+
+    def most_changes(self, part: Part) -> int:
+        """How often it may have changed by now."""
+        return part.changes + self.is_late(part)
+
+    def is_late(self, part: Part) -> bool:
+        """Whether nothing was taken of it for so long that it may be STALE."""
+        return self.ran - part.at > STALE_AFTER / 4
 
     def is_away(self, robot: Sender) -> bool:
         """Whether nothing arrived of it for so long that it may be silent."""
@@ -490,9 +498,9 @@ def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
     part = robot.parts.get(event.component)
     if part is None:
         return _wrong_begin_of_robot(site, robot, event)
-    may_be_late = site.ran - part.at > STALE_AFTER / 4
     if event.scope == "flapping":
-        fewest, changes = 4 if event.state == "intermittent" else FEWEST, part.changes + may_be_late
+        fewest = 4 if event.state == "intermittent" else FEWEST
+        changes = site.most_changes(part)
         return "" if changes >= fewest else f"{changes} changes"
     if event.scope == "value" and event.state == "falling":
         return "" if robot.charge.number != robot.charge.highest else "it did not fall"
@@ -500,7 +508,7 @@ def _wrong_begin(site: Site, robot: Sender, event: Event) -> str:
         below = robot.charge.below.get(event.state, inf)
         is_due = robot.charge.known and site.is_due(below, CONFIRM)
         return "" if is_due else f"not below for long enough: {robot.charge}"
-    is_late = event.state == "stale" and may_be_late
+    is_late = event.state == "stale" and site.is_late(part)
     if part.level not in STATES[event.state] and not is_late:
         return f"it is {part.level}"
     return "" if site.is_due(part.ok_at, CONFIRM) else "not for long enough"
