@@ -136,9 +136,10 @@ def value(
     robot: str = "r1",
     key: str = "charge",
     confirm_after: float = 10.0,
+    **more: Any,
 ) -> Event:
     report = ValueReport(key, number, thresholds)
-    name, settings = ComponentName("", "battery"), ComponentSettings(confirm_after)
+    name, settings = ComponentName("", "battery"), ComponentSettings(confirm_after, **more)
     return lambda faults, now: faults.values_changed(robot, name, settings, [report], now)
 
 

@@ -160,6 +160,8 @@ class Book:
         """Keep the record of a component."""
         name = component.name
         component.robot.components[name] = component
+        if component.settings.depends_on:  # else set with its next level
+            component.robot.has_dependencies = True
         self.named.setdefault(name.component, {})[component] = None
         self.write(component)
         return component
@@ -289,7 +291,8 @@ class Book:
         Or what is measured of a robot, that many of its components failed.
         """
         if problem.identity.state is State.MANY and problem.robot is not None:
-            return any(each.settings.depends_on for each in problem.robot.components.values())
+            components = problem.robot.components.values() if problem.robot.has_dependencies else ()
+            return any(each.settings.depends_on for each in components)
         is_presence = problem.identity.state in (State.SILENT, State.FLAPPING)
         robots = [problem.robot] if problem.robot and is_presence else []
         if problem.cause is not None and problem.robot is None:

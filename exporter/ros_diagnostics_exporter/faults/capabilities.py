@@ -293,6 +293,9 @@ def _judge(
         if robot is not None:
             book.followed[robot.name] = None
     capability.due = actual.due
+    capability.lacks_only_unreceived = (
+        actual.state is CapabilityState.UNKNOWN and actual is not NOT_KNOWN and not actual.parts
+    )
     parts = dict(_remembered(book, capability, {**in_use.parts, **actual.parts}))
     # What is STALE in a downtime of its own hides nothing of the others.
     known = in_use if actual.state is CapabilityState.UNKNOWN else actual
@@ -305,7 +308,7 @@ def _judge(
                 book.touch(robot.all_problems())
     for fault_state, state in _STATES.items():
         verdict = _verdict_on(state, actual, in_use)
-        if verdict is Verdict.NO_DATA and _is_repaired(capability, actual):
+        if verdict is Verdict.NO_DATA and _is_repaired(book, capability, actual, now):
             verdict = Verdict.HEALTHY
         if in_use.due == inf:  # something larger explains the silence of too many robots
             verdict = min(verdict, Verdict.NO_DATA)
@@ -350,18 +353,34 @@ def _take_verdict(
     book.give_verdict(problem, verdict)
 
 
-def _is_repaired(capability: CapabilityRecord, actual: Standing) -> bool:
-    """Whether a robot's is not known, and not for the parts for which it was bad: these are OK.
+def _is_repaired(book: Book, capability: CapabilityRecord, actual: Standing, now: Instant) -> bool:
+    """Whether it is not known, and not for the parts for which it was bad: these are OK.
 
-    So it is with a part that was never received, or that fleet.yml ignores.
+    So it is with a part that was never received, or that fleet.yml ignores. Where it is not known
+    for which it was bad, or these are robots, all that was received has to be OK.
     """
-    wanted, parts = capability.wanted, capability.parts.keys()
-    if wanted is None or capability.robot is None or actual is NOT_KNOWN:
+    wanted, bad = capability.wanted, capability.parts.keys()
+    if wanted is None or actual is NOT_KNOWN:
         return False
     if actual.state is not CapabilityState.UNKNOWN:
         return False
-    known = needs.parts_of(wanted.need, defaultdict(tuple))
-    return bool(parts) and parts <= set(known) and parts.isdisjoint(actual.parts)
+    parts = set(needs.parts_of(wanted.need, defaultdict(tuple)))
+    if capability.robot is None:
+        is_known = all(_lacks_nothing_received(book, part, actual) for part in parts)
+    elif bad:
+        return bad <= parts and bad.isdisjoint(actual.parts)
+    else:
+        is_known = not actual.parts
+    return is_known and now.mono >= book.grace_until
+
+
+def _lacks_nothing_received(book: Book, part: PartName, actual: Standing) -> bool:
+    """Whether a robot can do it, as far as anything was received of what it takes."""
+    owner = book.robots.get(part.robot)
+    capability = None if owner is None else owner.capabilities.get(part.check)
+    if capability is None:
+        return False
+    return part not in actual.parts or capability.lacks_only_unreceived
 
 
 def _verdict_on(state: CapabilityState, actual: Standing, in_use: Standing) -> Verdict:

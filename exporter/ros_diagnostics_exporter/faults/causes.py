@@ -194,7 +194,9 @@ def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
     for severity, (applies, since) in _severities(cause, now).items():
         problem = cause.problems.get(severity)
         if problem is None and applies is Verdict.FAILING and cause.active is not None:
-            problem = book.new_problem(_identity(cause, severity), cause.active)
+            # That many are CRITICAL counts from then, as of one: see `components`.
+            begin = now if severity == "critical" else cause.active
+            problem = book.new_problem(_identity(cause, severity), begin)
         if problem is None:
             continue
         is_healthy = cause.active is None or applies is Verdict.HEALTHY

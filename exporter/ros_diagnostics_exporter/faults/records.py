@@ -461,6 +461,7 @@ class CapabilityRecord(Subject):
     worst: CapabilityState = CapabilityState.UNKNOWN
     due: float = -inf
     adopted: bool = False
+    lacks_only_unreceived: bool = False  # of all that was received, nothing is wrong
     parts: dict[PartName, Bad] = field(default_factory=dict)
     problems: dict[State, Problem] = field(default_factory=dict)
     row: RowKey = field(init=False)

@@ -175,7 +175,6 @@ def _read_component(book: Book, key: _Key, fields: _Fields, clock: Clock) -> Non
     record = ComponentRecord(book.robots[robot], ComponentName(group, name), settings)
     for attribute, value in attributes.items():
         setattr(record, attribute, value)
-    record.robot.has_dependencies |= bool(settings.depends_on)
     book.add_component(record)
 
 

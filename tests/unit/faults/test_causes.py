@@ -109,6 +109,18 @@ def test_many_are_as_severe_as_the_worst_and_the_milder_goes_on_under_it():
     )
 
 
+def test_that_many_are_critical_again_is_another_fault_than_before():
+    """Whose acknowledgement is for when it began: it escalates."""
+    last = play(
+        (0, levels(PARTS, WARN, total=10)),
+        (10, None, f"began {MILD}"),
+        (20, level("part 1", ERROR, total=10), f"began {MANY}"),
+        (30, level("part 1", WARN, total=10), f"recovered {MANY}"),
+        (40, level("part 1", ERROR, total=10), f"began {MANY}"),
+    )
+    assert [fault.since - WALL for fault in last.faults.faults()] == [0, 40]
+
+
 def test_planned_stale_ones_do_not_count_and_neither_does_a_robot_that_boots():
     play(
         (0, levels(PARTS[:4], STALE, total=10, planned_stale=True)),

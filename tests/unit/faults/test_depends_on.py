@@ -17,11 +17,13 @@ from support.fault_histories import (
     play,
     silent,
     together,
+    value,
 )
 
 PARTS = [f"part {number}" for number in range(12)]
 POWER = "began component/critical r1 power"
 WELL = "recovered component/critical r1 power"
+BOTH = ("critical", "warning")
 LASER = "began component/critical r1 laser"
 
 
@@ -57,6 +59,18 @@ def test_what_is_still_wrong_counts_from_when_the_others_had_time_to_return():
         (5000, level("power", OK), WELL),
         (5069, None),  # a minute at most
         (5070, None, LASER),
+    )
+
+
+def test_the_value_of_a_component_that_is_ok_counts_from_then_too():
+    """It was never a fault: only a level was noted as one that depends on another."""
+    settings = {"depends_on": frozenset({("", "power")})}
+    play(
+        (0, together(level("power", ERROR), value(5.0, **settings))),
+        (10, None, POWER),
+        (40, level("power", OK), WELL),
+        (89, None),
+        (90, None, *[f"began value/{each} r1 battery charge low" for each in BOTH]),
     )
 
 

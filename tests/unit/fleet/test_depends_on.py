@@ -1,5 +1,6 @@
 """Components that fleet.yml says are behind others of their robot: which, and one fault of them."""
 
+import sys
 from collections.abc import Mapping
 
 import pytest
@@ -14,7 +15,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.regex import Pattern
-from support.state_driver import ERROR, OK, StateDriver
+from support.state_driver import ERROR, OK, SETTLED, StateDriver
 
 COMPUTER = Query("up", "Computer 2", robot="robot", interval=5.0, confirm_after=10.0)
 PARTS = ("Laser", "Camera", "Motor", "Power")
@@ -114,3 +115,30 @@ def test_each_pattern_is_searched_once_in_each_name():
     names = [f"Part {number}" for number in range(400)]
     StateDriver(components=rules).raw(*(Status(OK, each) for each in (*names, "Power")))
     assert 0 < searches <= 2 * (len(names) + 1)
+
+
+def calls(number: int, *rules: ComponentRule) -> int:
+    """How many calls of functions and generators it takes that so many new names fail at once."""
+    made = 0
+
+    def count(_frame: object, event: str, _argument: object) -> None:
+        nonlocal made
+        made += event == "call"
+
+    driver = StateDriver(components=rules).stand(SETTLED, Status(OK, "Power"))
+    failing = (Status(ERROR, "Power"), *(Status(ERROR, f"Part {each}") for each in range(number)))
+    sys.setprofile(count)
+    try:
+        driver.stand(15, *failing)
+    finally:
+        sys.setprofile(None)
+    assert driver.faults()
+    return made
+
+
+@pytest.mark.parametrize("depends", [True, False])
+def test_twice_as_many_new_names_take_twice_as_many_calls(depends):
+    """Each looked at all others of its robot, for what it depends on or for what many explain."""
+    rule = ComponentRule(pattern=Pattern("Part"), depends_on=(Pattern("Power"),))
+    rules = (rule,) if depends else ()
+    assert calls(200, *rules) < 2.1 * calls(100, *rules)
