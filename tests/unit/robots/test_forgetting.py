@@ -83,6 +83,18 @@ def test_what_the_network_keeps_from_us_is_not_forgotten():
     assert driver.at(1_000).robot.silent_reason == "wrong_type"
 
 
+@pytest.mark.parametrize("publishers", [1, 0])
+def test_a_newcomer_that_was_received_for_a_moment_is_a_fault_while_its_publisher_is_there(
+    publishers,
+):
+    driver = discovered().raw(MOTOR)
+    driver.robot.is_newcomer = True
+    driver.state.update_graph(0, {RAW: Endpoint(publishers)}, driver.now)
+    silent = {("robot", "silent", "r")} if publishers else set()
+    assert driver.at(700).fault_names() == silent
+    assert bool(driver.state.robots) is bool(publishers)
+
+
 def test_a_discovered_robot_that_never_publishes_is_forgotten_when_its_publisher_is_long_gone():
     driver = discovered()
     assert driver.at(500).robot.silent_reason == "mute"

@@ -17,12 +17,14 @@ from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
     Limits,
+    Profile,
     Robot,
     Shared,
     Source,
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.decode.cdr import decode
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate, truncate_array
 from ros_diagnostics_exporter.robots.marks import Mark
@@ -35,6 +37,7 @@ from ros_diagnostics_exporter.robots.rejections import (
 )
 from ros_diagnostics_exporter.robots.values import _MAX_CACHED_KEY, _describe, parse_numbers
 from support.state_driver import ERROR, OK, StateDriver, tree
+from virtual_robots.recording.cdr import encode_array
 
 EXPORTER = Path(ros_diagnostics_exporter.__file__).parent
 RUNBOOK = Path(__file__).parents[3] / "docs/alerts/RosDiagnosticsLimitHit.md"
@@ -44,8 +47,9 @@ AGG = Topic(0, "/r/diagnostics_agg")
 RAW = Topic(0, "/r/diagnostics")
 
 
-def bounded_story(**limits: int) -> StateDriver:
-    robot = Robot("r", topic_agg=AGG.name, topic_raw=RAW.name, source=Source.BOTH)
+def bounded_story(*rules: ValueRule, **limits: int) -> StateDriver:
+    topics = {"topic_agg": AGG.name, "topic_raw": RAW.name}
+    robot = Robot("r", source=Source.BOTH, profile=Profile(values=rules), **topics)
     return StateDriver(fleet=Fleet("f", (robot,), limits=Limits(**limits)))
 
 
@@ -80,8 +84,15 @@ def test_a_text_without_end_is_cut_wherever_it_stands_and_said_once(status, capl
 
 
 def test_an_array_of_usual_texts_is_taken_as_it_is():
-    array = Array(0.0, (Status(OK, *["x" * MAX_TEXT] * 3),), 3 * MAX_TEXT)
+    text = "x" * MAX_TEXT
+    array = Array(0.0, (Status(OK, text, text, text, ((text, text),)),), 5 * MAX_TEXT)
     assert truncate_array(array) is array
+
+
+def test_a_long_text_in_a_message_as_it_comes_is_cut():
+    array = decode(encode_array([Status(OK, "Motor", values=(("Level", LONG),))], 0.0))
+    ((_key, text),) = truncate_array(array).statuses[0].values
+    assert len(text) == MAX_TEXT
 
 
 def test_half_a_character_is_replaced_and_whole_ones_are_kept():
@@ -113,11 +124,13 @@ def test_a_component_keeps_as_many_key_values_as_the_limits_allow(caplog):
 
 
 def test_keys_that_are_invented_without_end_are_not_remembered_without_end():
-    driver = bounded_story(values=50)
-    for number in range(40):
-        pairs = tuple((f"key {number} {each}", "1 V") for each in range(50))
-        send(driver, RAW, Status(OK, "Motor", "", "", pairs))
-    assert len(driver.component("Motor").values._units) <= 100
+    driver = bounded_story(ValueRule(key=re.compile("Charge")), values=50)
+    remembered = []
+    for number in range(250):
+        send_and_read(driver, Status(OK, "Motor", values=((f"key {number}", "1 V"),)))
+        values = driver.component("Motor").values
+        remembered.append((len(values._units), len(values._rules)))
+    assert [max(each) for each in zip(*remembered, strict=True)] == [100, 100]
 
 
 def test_a_long_key_is_read_and_not_remembered():

@@ -99,12 +99,15 @@ def test_each_report_begins_the_time_anew():
     assert driver.fault_names() == set()
 
 
+@pytest.mark.parametrize("reloaded", [False, True])
 @pytest.mark.parametrize("reported", [ERROR, OK])
-def test_silence_of_its_robot_changes_nothing(reported):
+def test_silence_of_its_robot_changes_nothing(reported, reloaded):
     driver = once(RULE, status=SERIAL._replace(level=reported))
     stand(driver, 12)
     before, shown = driver.fault_names(), level(driver)
     driver.wait(120)
+    if reloaded:  # by this it was not silent
+        driver.follow_profile(Profile(components=(RULE,), stale_after=600.0))
     assert level(driver)[0] == "STALE"
     stand(driver, 120)
     assert (driver.fault_names(), level(driver)) == (before, shown)
@@ -237,6 +240,24 @@ def test_what_else_keeps_its_robot_up_does_not_count_towards_its_end():
     assert fields.fault_names() >= CRITICAL
     stand(fields, 20)
     assert ("component", "critical", "r", "rosserial") not in fields.fault_names()
+
+
+@pytest.mark.parametrize("is_adopted", [False, True], ids=["received", "adopted"])
+def test_what_may_have_been_lost_does_not_count_towards_its_end(is_adopted):
+    """It may have been published again."""
+    driver = once(ENDS)
+    stand(driver, 500)
+    if is_adopted:  # by a process that only knows that it fires
+        received, driver = driver, StateDriver(fleet=driver.state.fleet)
+        driver.now = received.now
+        driver.state.adopt(received.state.faults(), driver.now)
+        stand(driver, 500)
+    for lossy, seconds in ((True, 800), (False, 590 + START * is_adopted)):
+        driver.robot.set_reading(driver.now, lossy=lossy, unread=())
+        stand(driver, seconds)
+        assert driver.fault_names() == CRITICAL
+    stand(driver, 20)
+    assert driver.fault_names() == set()
 
 
 def test_the_minute_after_a_return_does_not_count_towards_its_end():
