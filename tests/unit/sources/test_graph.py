@@ -30,7 +30,7 @@ class Site:
     """One robot "r" in the namespace /r, looked at once a second."""
 
     def __init__(self, graph: Graph = ON, namespace: str = "/r") -> None:
-        self.now = Instant(0.0, WALL)
+        self.now = Instant(50_000.0, WALL)
         self.watch = GraphWatch()
         self.graph, self.namespace = graph, namespace
         self.reports: list[Report] = []
