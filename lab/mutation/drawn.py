@@ -31,6 +31,7 @@ OTHERS = {
             *("tests/unit/sources", "tests/unit/service/test_joining_anew.py"),
             *("tests/unit/fleet/test_graph.py", "tests/unit/fleet/test_missions.py"),
             *("tests/unit/fleet/test_topics.py", "tests/integration/sources/test_listener.py"),
+            *("tests/unit/decode/test_cdr.py", "tests/unit/tools/backtest/test_measured.py"),
             *("tests/integration/sources/test_odd_names.py",),
             *("tests/integration/sources/test_zenoh.py",),
         ),

@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.sources.dds_endpoints import (
     Subscribed,
 )
 from ros_diagnostics_exporter.sources.dds_subscription import Taken
+from ros_diagnostics_exporter.sources.endpoint_names import NO_NODE
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     TRANSITION_TYPE,
@@ -31,7 +32,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Parameters,
     Transition,
 )
-from ros_diagnostics_exporter.sources.graph_topics import US, Mismatch, Peer
+from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer
 
 
 @pytest.fixture
@@ -250,6 +251,23 @@ def test_who_publishes_and_subscribes_a_topic_and_which_of_them_cannot_match():
         ("/r/odd", "/r/eye", "the types diffe"),
         ("/r/odd", "/ear", "the types diffe"),
     ]
+
+
+def test_a_topic_that_is_gone_has_no_endpoints_and_one_of_half_known_nodes_says_so():
+    receiver = Mock()
+    reader = EndpointReader(0, receiver, lambda _name: None)
+    node = Endpoints([endpoint(NO_NODE, 1)])
+
+    def read(second: float, *names: str) -> dict[str, tuple[Mismatch, ...]]:
+        list(reader.read(node, names, Instant(second, second)))
+        views = receiver.update_endpoints.call_args.args[1]
+        return {name: view.mismatches for name, view in views.items()}
+
+    assert read(100.0, "/t", "/rosout") == {"/t": (UNKNOWN,)}
+    assert read(300.0, "/u") == {"/t": (), "/u": (UNKNOWN,)}
+    assert read(500.0, "/u") == {"/u": (UNKNOWN,)}
+    node.count = MAX_ENDPOINTS + 1
+    assert read(700.0, "/u") == {}
 
 
 @pytest.mark.parametrize(

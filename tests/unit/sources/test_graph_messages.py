@@ -1,6 +1,7 @@
 """What nodes log, and say of their life cycle and parameters; time is given."""
 
 import re
+from dataclasses import replace
 from math import inf
 
 import pytest
@@ -214,6 +215,24 @@ def test_what_a_person_accepts_or_forgets_of_messages_is_no_problem_any_more(sit
     site.watch.accept("r", site.now)
     site.go_on(1)
     assert site.problems == {}
+
+
+@pytest.mark.parametrize(
+    ("graph", "left"),
+    [
+        ({"watch": ALL}, {"log amcl", "lifecycle amcl"}),
+        ({"watch": ALL, "ignore": (re.compile("amcl"),)}, set()),
+        ({"watch": replace(ALL, transitions=False)}, {"log amcl"}),
+        ({"watch": replace(ALL, log_faults=(re.compile("other"),))}, {"lifecycle amcl"}),
+        ({"watch": replace(ALL, logs=False)}, {"lifecycle amcl"}),
+    ],
+)
+def test_what_the_config_does_not_ask_for_any_more_is_no_problem(site, graph, left):
+    site.send("/rosout", Log("r.amcl", "out of memory"))
+    site.send(LIFE, Transition("errorprocessing", "unconfigured"))
+    site.robots[0] = Robot("r", namespace="/r", profile=Profile(graph=Graph(mode="on", **graph)))
+    site.go_on(1)
+    assert site.problems.keys() == left
 
 
 def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):

@@ -84,9 +84,10 @@ def test_tokens_that_were_too_many_are_asked_for_again_once_there_is_room(networ
     assert asked.call_count == len(TOKENS)  # once a minute
 
 
-@pytest.mark.parametrize(("share", "least", "most"), [(1e9, 0.9, 1.0), (1e-9, 4.0, 5.0)])
+@pytest.mark.parametrize(("share", "least", "most"), [(1e9, 1.9, 2.0), (1e-9, 9.0, 10.0)])
 def test_looks_that_cost_much_are_further_apart(network, monkeypatch, share, least, most):
     monkeypatch.setattr("ros_diagnostics_exporter.sources.reception.LOOK_SHARE", share)
+    network.poll_interval = 2.0
     network._note(sample(1, zenoh.SampleKind.PUT))
 
     before = time.monotonic()
