@@ -8,11 +8,11 @@ from ros_diagnostics_exporter.sources import dds_second
 
 
 class Middleware:
-    """Topics whose messages arrive, and nodes that are there, after so many rounds of waiting."""
+    """Topics whose messages arrive, and nodes that are there, after so many tenths of a second."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.after: dict[str, int] = {}
-        self.second = 0
+        self.tenths = 0.0
         self.alarm, self.context, self.node = Mock(), Mock(), Mock()
         monkeypatch.setattr(dds_second.signal, "alarm", self.alarm)
         monkeypatch.setattr(dds_second.rclpy, "init", Mock())
@@ -23,7 +23,7 @@ class Middleware:
         monkeypatch.setattr(dds_second, "time", self)
 
     def is_there(self, name: str) -> bool:
-        return self.second >= self.after.get(name, 1000)
+        return self.tenths >= self.after.get(name, 1000)
 
     def nodes(self) -> list[tuple[str, str]]:
         there = filter(self.is_there, self.after)
@@ -33,10 +33,10 @@ class Middleware:
         return None, lambda: b"" if self.is_there(topic.removeprefix("/")) else None
 
     def monotonic(self) -> float:
-        return self.second
+        return self.tenths / 10
 
-    def sleep(self, _seconds: float) -> None:
-        self.second += 1
+    def sleep(self, seconds: float) -> None:
+        self.tenths += 10 * seconds
 
 
 @pytest.fixture
@@ -62,10 +62,10 @@ def test_it_says_what_it_finds_and_ends_with_the_last_or_its_time(
     middleware, capsys, wanted, after, found
 ):
     middleware.after = after
-    dds_second.main(["7", "20.0", *wanted, "--ros-args", "-r", "a:=b"])
+    dds_second.main(["7", "2.0", *wanted, "--ros-args", "-r", "a:=b"])
 
-    assert (capsys.readouterr().out.splitlines(), middleware.second) == found
-    middleware.alarm.assert_called_once_with(dds_second.JOINED + 20)
+    assert (capsys.readouterr().out.splitlines(), middleware.tenths) == found
+    middleware.alarm.assert_called_once_with(dds_second.JOINED + 2)
     init = dds_second.rclpy.init.call_args.kwargs
     assert (init["domain_id"], init["args"]) == (7, ["--ros-args", "-r", "a:=b"])
     middleware.node.destroy_node.assert_called_once_with()

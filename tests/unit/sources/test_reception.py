@@ -212,3 +212,11 @@ def test_a_domain_is_joined_at_the_first_turn_that_is_due(played):
     played.receiver.domain_joined.assert_called_once_with(7)
     assert played.joined_at == played.last_turn <= reception.time.monotonic()
     assert played.addresses
+
+
+@pytest.mark.parametrize("error", ["", "no router"])
+def test_a_domain_that_is_left_or_fails_while_it_is_joined_is_not_said_to_be_joined(played, error):
+    played._is_open = False
+    played.join = lambda: played.fail(error) if error else played.loop.ask_to_stop()
+    played._turn()
+    assert not played.receiver.domain_joined.called
