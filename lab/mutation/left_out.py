@@ -28,6 +28,8 @@ _KINDS = (
     ("ReplaceFalseWithTrue", r"^@dataclass\([^()]*\b(eq|repr)=$", ""),
     # Up to the mark that was read last, everything is read: reading it again gives the same.
     ("ReplaceComparisonOperator_Gt_GtE", "", r"> (self\.|reports\.)?_?read\b(?!\[)"),
+    # That a number drawn at random is just the limit does not happen.
+    ("ReplaceComparisonOperator_Lt_LtE", r"\brandom\(\) $", ""),
     # These are for the type checker alone.
     ("RemoveDecorator", "", "@(overload|override)$"),
 )

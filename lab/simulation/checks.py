@@ -323,7 +323,7 @@ class Judge:
             for key in self._scraped:
                 self._scraped[key] = True
             firing = len(self.mails.firing)
-            if self.world.now.mono - self.world.started > GRACE and firing != len(self._faults):
+            if firing != len(self._faults):
                 self._fail("alerts fire that are no faults", firing)
 
     # -- what should have happened -----------------------------------------------------------

@@ -112,9 +112,7 @@ class Process:
         self.save()
 
     def save(self, *, at_once: bool = False) -> None:
-        """Write what changed to the database."""
-        for event in self.state.take_events():
-            self._log.record(event)
+        """Write what changed to the database; of events nothing is asked."""
         self.storage.save(self.state, self._log, self._world.now, at_once=at_once)
 
 

@@ -297,8 +297,7 @@ def over_budget(rates: Mapping[str, float], most: float) -> list[str]:
     """Which topics to give up, the largest first, so that the others stay within ``most``."""
     given_up, left = [], sum(rates.values())
     for topic in sorted(rates, key=lambda each: (-rates[each], each)):
-        if left <= most:
-            break
-        given_up.append(topic)
-        left -= rates[topic]
+        if left > most:
+            given_up.append(topic)
+            left -= rates[topic]
     return given_up

@@ -24,7 +24,7 @@ _SECOND = 1e-9  # of a nanosecond
 
 
 class LinkReading(NamedTuple):
-    """What arrived of late: messages ``expected``, those ``lost`` of them, seconds.
+    """What arrived of late: messages ``expected``, at least one, those ``lost`` of them, seconds.
 
     ``delay`` is the largest of the window, above the least of the last minutes; ``jitter`` as RFC
     3550 defines it. By ``behind`` at most the robot's clock is behind the exporter's: the least
@@ -40,7 +40,7 @@ class LinkReading(NamedTuple):
     @property
     def loss(self) -> float:
         """The share of messages that were lost."""
-        return self.lost / self.expected if self.expected else 0.0
+        return self.lost / self.expected
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.severity import SEVERITIES, state_of
-from support.shipped_rules import PROMETHEUS
+from support.shipped_rules import PROMETHEUS, read_yaml
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver
 
 FLEETS, ROBOTS = 12, 6
@@ -148,3 +148,11 @@ def test_pages_and_dashboards_have_the_same_state_of_each_robot(tmp_path):
             on_pages[f"fleet_{number}", robot["robot"]] = SEVERITIES[state_of(robot)]
     assert len(set(on_pages.values())) > 4  # there is something to compare
     assert on_dashboards(series, tmp_path) == on_pages
+
+
+def test_the_ranks_of_states_are_those_of_the_rules():
+    groups = read_yaml(PROMETHEUS / "rules" / "states.yml")["groups"]
+    named = (rule["labels"] for each in groups for rule in each["rules"] if "labels" in rule)
+    ranks = {each["state"].upper(): float(each["rank"]) for each in named if "rank" in each}
+    del ranks["UNKNOWN"]  # of what no exporter serves
+    assert ranks == SEVERITIES

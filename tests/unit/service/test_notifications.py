@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter import notifications
 from ros_diagnostics_exporter.event_texts import event_text
-from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.faults.model import as_texts
-from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
+from ros_diagnostics_exporter.notifications import ENDED, Notifications, key_of, parse, restored
 from ros_diagnostics_exporter.severity import notice
 from support.silences import BEGAN, FAULT, LABELS, MOTOR
 from support.web_server import broken, problem
@@ -146,6 +146,23 @@ def test_what_is_noted_after_a_restart_is_what_was_recorded_before():
     for event in events:
         after.note(event)
     assert after.lasting() == before.lasting() != {}
+
+
+@pytest.mark.parametrize("lasting", [[FAULT], []])
+def test_after_a_restart_what_ended_an_hour_ago_is_known_and_all_of_what_lasts(lasting):
+    """Notifications are looked for since the oldest fault that one of these may be about."""
+    now, asked = BEGAN + 2 * ENDED, {}
+
+    def find(wanted: Wanted):
+        asked[wanted.kind] = wanted.since
+        events = [of_fault("fault_ended", time=now - 60)] if wanted.kind == "fault_ended" else []
+        return [(1, each) for each in events if each.time >= wanted.since]
+
+    known = restored(lasting, find, now)
+    since = BEGAN if lasting else now - ENDED
+    assert asked == {"fault_ended": now - ENDED, "acknowledged": since, "notified": since}
+    [recovery] = post(known, alert("resolved"), at=now)
+    assert recovery.since == BEGAN
 
 
 def test_hostile_senders_add_a_bounded_number_of_events(monkeypatch):

@@ -28,14 +28,14 @@ def test_many_in_a_minute_are_a_fault_for_ten_minutes():
 
 
 def test_an_address_with_too_many_has_a_pause_and_others_have_none():
-    rejected = RejectedLogins()
+    rejected, begin = RejectedLogins(), 1_000.0
     for _ in range(ALLOWED):
-        rejected.note("a", 0.0)
-    assert not rejected.has_pause("a", 0.0)
-    rejected.note("a", 0.0)
-    assert rejected.has_pause("a", 2 * MINUTE - 1)
-    assert not rejected.has_pause("b", 0.0)
-    assert not rejected.has_pause("a", 2 * MINUTE)
+        rejected.note("a", begin)
+    assert not rejected.has_pause("a", begin)
+    rejected.note("a", begin)
+    assert rejected.has_pause("a", begin + 2 * MINUTE - 1)
+    assert not rejected.has_pause("b", begin)
+    assert not rejected.has_pause("a", begin + 2 * MINUTE)
 
 
 def test_a_few_wrong_ones_an_hour_are_no_pause():

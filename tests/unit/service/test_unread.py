@@ -9,6 +9,7 @@ from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.web.pages import landing
 
 STARTED = 43_380.0  # 12:03:00 UTC
+UPTIME = 1_000.0  # of the machine: no time is measured from its start
 UNREAD = "Prometheus has not read the faults since 12:0{}:00 UTC: nobody is notified"
 
 
@@ -20,7 +21,7 @@ class Clock:
         monkeypatch.setattr("ros_diagnostics_exporter.service.read_clocks", self.read)
 
     def read(self) -> Instant:
-        return Instant(self.second, STARTED + self.second + self.set_by)
+        return Instant(UPTIME + self.second, STARTED + self.second + self.set_by)
 
 
 @pytest.fixture

@@ -1,10 +1,15 @@
 """The checks of the random fleet: each finds the change of faults that it is there for."""
 
+from dataclasses import replace
+
 import pytest
 
 from ros_diagnostics_exporter.faults.model import Change, Fault, Identity, Scope, State
+from simulation.checks import Judge
 from simulation.features import started
 from simulation.small_fleet import FLEETS, ROBOTS
+from simulation.story import Event, Story
+from simulation.world import CALM, TICK
 from support.fault_histories import ERROR, OK, STALE, WALL, WARN
 
 
@@ -154,3 +159,28 @@ def after(steps):
 def changed(world, what, identity):
     """Tell the checks of a change that the engine does not make."""
     world._changed([Change(what, Fault(identity, WALL, WALL, {}), WALL + world.second)])
+
+
+@pytest.fixture(scope="module")
+def lost():
+    """A fleet of a story one robot of which has long lost what two of its parts are needed for."""
+    ticks = 100 + int(CALM / TICK)
+    broken = (Event(60, "level", "r002", (f"part {number}", ERROR)) for number in (3, 4))
+    judge = Judge(Story(0, 3, ticks, tuple(broken), able=True))
+    judge.run()
+    return judge
+
+
+@pytest.mark.parametrize(
+    ("changes", "wrong"),
+    [
+        ({}, None),
+        ({"state": "degraded"}, "a capability is better than its parts say"),
+        ({"check": "view"}, "a capability that is well has a fault"),
+        ({"robot": "r001"}, "a capability that is well has a fault"),
+    ],
+)
+def test_what_a_robot_can_do_is_as_bad_as_its_parts(lost, changes, wrong):
+    [(key, fault)] = lost._faults.items()
+    found = [what for what, _about in lost._capabilities.missing({key: replace(fault, **changes)})]
+    assert found[:1] == ([wrong] if wrong else [])

@@ -89,6 +89,7 @@ def test_a_list_was_received_when_the_middleware_says_between_two_looks(watched,
     ((topic, data, now),) = watched.received
     assert (topic, data) == (TOPIC, LIST)
     assert now.mono == pytest.approx(mono, abs=1e-3)
+    assert now.wall - WALL == pytest.approx(mono - 10.0, abs=1e-3)
 
 
 def test_of_several_lists_all_are_taken(watched):

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.faults.model import LEARNED
 from ros_diagnostics_exporter.faults.stored import parse
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.sources import graph_nodes, graph_topics
 from ros_diagnostics_exporter.sources.graph import CLAIMED, GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
@@ -30,7 +31,7 @@ class Site:
     """One robot "r" in the namespace /r, looked at once a second."""
 
     def __init__(self, graph: Graph = ON, namespace: str = "/r") -> None:
-        self.now = Instant(0.0, WALL)
+        self.now = Instant(50_000.0, WALL)
         self.watch = GraphWatch()
         self.graph, self.namespace = graph, namespace
         self.reports: list[Report] = []
@@ -232,6 +233,24 @@ def test_nodes_that_always_had_one_name_are_as_usual(site):
     assert site.problems == {}
 
 
+def test_of_very_many_nodes_the_one_that_is_gone_and_was_there_shortest_is_forgotten(site):
+    nodes = [f"n{number}" for number in range(graph_nodes.MOST - 2)]
+    site.look(2, *nodes, "short", "long")
+    site.look(1, *nodes, "long")
+    for new, kept in ("new", {"new", "long"}), ("newer", {"new", "newer"}):
+        site.look(1, *nodes, "new", new)
+        known = site.watch._robots["r"].learned(site.now).nodes
+        assert known.keys() == {*nodes, *kept}
+
+
+def test_of_a_robot_whose_nodes_are_not_seen_its_topics_say_that_it_is_there(site):
+    site.look(1)
+    assert site.watch.present(0) == set()
+    for topics, present in (["/other/scan"], set()), (["/r/scan", "/r/x"], {"r"}), ([], set()):
+        site.watch.see_offered(0, topics)
+        assert site.watch.present(0) == present
+
+
 # -- topics ------------------------------------------------------------------------------------
 
 
@@ -320,6 +339,17 @@ def test_a_node_that_is_back_has_time_to_publish_again_before_its_topic_is_a_pro
     assert site.problems == {}
     site.look(10, *USUAL, chat=unheard)
     assert site.problems.keys() == {"topic chat"}
+
+
+def test_of_very_many_topics_those_that_were_found_first_are_judged(site):
+    why = Mismatch("/r/amcl", "/r/driver", "best effort and reliable")
+    views = {f"t{number}": CHAT for number in range(graph_topics.MOST)}
+    bad = CHAT._replace(mismatches=(why,))
+    site.look(1, *USUAL, **views)
+    for _ in range(2):
+        site.look(1, *USUAL, **{**views, "t1": bad, "new": bad})
+        site.now = Instant(site.now.mono + 100, site.now.wall + 100)
+    assert site.problems.keys() == {"topic t1"}
 
 
 def test_endpoints_of_no_known_node_are_half_a_discovery(site):
@@ -571,7 +601,7 @@ def test_what_was_learned_outlives_the_process(site):
     assert (again.names, again.reports[-1].held) == ([], {"node amcl"})
     again.look(45, *without("amcl"), chat=second)
     assert again.problems.keys() == {"node amcl", "topic chat"}
-    assert again.reports[-1].feed == GRAPH
+    assert (again.reports[-1].held, again.reports[-1].feed) == (set(), GRAPH)
 
 
 def test_what_was_a_problem_before_a_restart_is_well_once_all_is_seen_again(site):

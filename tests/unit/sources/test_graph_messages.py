@@ -1,6 +1,8 @@
 """What nodes log, and say of their life cycle and parameters; time is given."""
 
 import re
+from dataclasses import replace
+from math import inf
 
 import pytest
 
@@ -11,9 +13,11 @@ from ros_diagnostics_exporter.sources.graph import TRY_AGAIN, GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOG_TYPE,
     PARAMETERS_TYPE,
+    RECENT,
     STUCK,
     TRANSITION_TYPE,
     Log,
+    Messages,
     Parameters,
     Stopwatch,
     Transition,
@@ -42,7 +46,7 @@ class Site:
     """Two robots, of which the first is watched in this way."""
 
     def __init__(self, watch: Watched = ALL) -> None:
-        self.now = Instant(0.0, 1_700_000_000.0)
+        self.now = Instant(50_000.0, 1_700_000_000.0)
         self.watch = GraphWatch()
         profile = Profile(graph=Graph(mode="on", watch=watch))
         self.robots = [Robot("r", namespace="/r", profile=profile), Robot("s", namespace="/s")]
@@ -143,6 +147,33 @@ def test_a_parameter_that_is_set_is_an_event(site):
     assert site.events == expected
 
 
+def test_a_robot_is_looked_at_again_when_time_makes_a_problem_or_ends_one():
+    """The time in which it was not received is behind it."""
+    messages, begin = Messages(), 50_000.0
+
+    def at(second: float) -> Instant:
+        return Instant(begin + second, 0.0)
+
+    def due(second: float) -> float:
+        return messages.due(ALL, at(second)) - begin
+
+    for second, there in (0, True), (10, False), (110, True):
+        messages.follow(at(second), there=there, lossy=False)
+    assert due(110) == inf
+    messages.note("amcl", Transition("inactive", "activating"), ALL, at(120))
+    assert due(120) == 120 + STUCK
+    messages.follow(at(130), there=False, lossy=False)
+    messages.follow(at(230), there=True, lossy=False)
+    assert due(230) == 220 + STUCK
+    assert due(220 + STUCK) == inf
+    messages.accept()
+    messages.note("amcl", Log("r.amcl", "out of memory"), ALL, at(300))
+    assert due(300) == 300 + RECENT
+    assert due(300 + RECENT) == 300 + ALL.log_ends_after
+    assert messages.judge(ALL, at(299 + ALL.log_ends_after)).keys() == {"log amcl"}
+    assert messages.judge(ALL, at(300 + ALL.log_ends_after)) == {}
+
+
 def test_time_in_which_a_robot_is_not_received_does_not_count():
     stopwatch = Stopwatch()
     assert stopwatch.read(5.0) == 0.0
@@ -184,6 +215,24 @@ def test_what_a_person_accepts_or_forgets_of_messages_is_no_problem_any_more(sit
     site.watch.accept("r", site.now)
     site.go_on(1)
     assert site.problems == {}
+
+
+@pytest.mark.parametrize(
+    ("graph", "left"),
+    [
+        ({"watch": ALL}, {"log amcl", "lifecycle amcl"}),
+        ({"watch": ALL, "ignore": (re.compile("amcl"),)}, set()),
+        ({"watch": replace(ALL, transitions=False)}, {"log amcl"}),
+        ({"watch": replace(ALL, log_faults=(re.compile("other"),))}, {"lifecycle amcl"}),
+        ({"watch": replace(ALL, logs=False)}, {"lifecycle amcl"}),
+    ],
+)
+def test_what_the_config_does_not_ask_for_any_more_is_no_problem(site, graph, left):
+    site.send("/rosout", Log("r.amcl", "out of memory"))
+    site.send(LIFE, Transition("errorprocessing", "unconfigured"))
+    site.robots[0] = Robot("r", namespace="/r", profile=Profile(graph=Graph(mode="on", **graph)))
+    site.go_on(1)
+    assert site.problems.keys() == left
 
 
 def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):

@@ -55,6 +55,11 @@ def test_what_is_missing_is_counted_over_a_minute(sender):
     assert len(sender.link._steps) <= 7  # what is kept does not grow
 
 
+def test_messages_that_all_take_as_long_have_no_jitter_not_even_the_first(sender):
+    sender.send(3)
+    assert (sender.reading.jitter, sender.reading.delay) == pytest.approx((0.0, 0.0), abs=1e-5)
+
+
 def test_the_delay_is_above_the_least_and_needs_no_common_clock(sender):
     sender.send(60, delays=(0.01, 0.21))
     assert sender.reading.delay == pytest.approx(0.2, abs=1e-5)

@@ -4,6 +4,7 @@ import asyncio
 import resource
 import threading
 from base64 import b64encode
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -211,6 +212,24 @@ def test_closing_waits_for_the_call_that_runs_and_drops_those_that_wait():
 
     asyncio.run(close())
     assert calls == []
+
+
+def test_so_many_calls_may_wait_however_many_were_done_before(workers):
+    running = threading.Event()
+
+    async def ask():
+        for _ in range(5):
+            await workers.run(int)
+        calls = [asyncio.ensure_future(workers.run(running.wait)) for _ in range(2)]
+        await asyncio.sleep(0)
+        for run in workers.run, partial(workers.run_shared, 1.0):
+            with pytest.raises(BusyError):
+                await run(int)
+        running.set()
+        assert await asyncio.gather(*calls) == [True, True]
+        assert await workers.run(int) == 0
+
+    asyncio.run(ask())
 
 
 def test_a_result_is_shared_until_it_is_old_or_dropped(workers):

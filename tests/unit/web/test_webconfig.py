@@ -74,6 +74,7 @@ rate_limit: {{interval: 500ms, burst: 20}}
         ("basic_auth_users: {alice: hunter2}", "basic_auth_users.alice: is not a bcrypt hash"),
         ("rate_limit: {interval: soon, burst: 1}", "'soon' is not a duration"),
         ("rate_limit: {interval: 1s}", "burst must be at least 1"),
+        ("rate_limit: {burst: -1}", "rate_limit.burst: Input should be greater than or equal to 0"),
         ("http_server_config: {headers: {X-Frame-Options: allow}}", "X-Frame-Options"),
         ("- a list", ":1: Input should be a valid dictionary"),
         ("a: [", "is not valid YAML"),
@@ -90,7 +91,8 @@ def test_an_error_names_file_line_and_key(web_config, text, complaint):
 
 
 def test_a_rate_of_no_limit_or_of_one_request(web_config):
-    assert read(web_config("rate_limit: {interval: 0}")).rate_limit == RateLimit()
+    for text in "interval: 0", "burst: 0", "interval: 0, burst: 0":
+        assert read(web_config(f"rate_limit: {{{text}}}")).rate_limit == RateLimit()
     assert read(web_config("rate_limit: {interval: 1s, burst: 1}")).rate_limit.interval == 1.0
 
 
