@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
 _OK, _WARN, _ERROR, _STALE = Level
+_COMPONENT = Scope.COMPONENT
 _CRITICAL, _FLAPPING, _INTERMITTENT = State.CRITICAL, State.FLAPPING, State.INTERMITTENT
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
@@ -79,16 +80,14 @@ def of_value(
     return Verdict.HEALTHY if good else Verdict.FAILING
 
 
-def judge_flapping(
-    book: Book, history: FlapHistory, identity: Identity, now: Instant, *, is_known: bool = True
-) -> None:
-    """Judge how often it changes; unless ``is_known``, that it no longer does ends nothing."""
-    settings, problem = book.settings.flapping, book.problems.get(identity)
-    flaps = problem is not None and problem.verdict is not _HEALTHY
-    verdict = _HEALTHY if is_known else _NO_DATA
+def of_changes(
+    book: Book, history: FlapHistory, problem: Problem, *, is_known: bool = True
+) -> Verdict:
+    """The verdict on how often it changes; unless ``is_known``, rest is no end of it."""
+    settings, flaps = book.settings.flapping, problem.verdict is not _HEALTHY
     if history.ratio >= (settings.stop if flaps else settings.start):
-        verdict = _FAILING
-    book.judge(identity, verdict, now)
+        return _FAILING
+    return _HEALTHY if is_known else _NO_DATA
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -135,7 +134,7 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             # A CRITICAL counts from when it turned so: one that got better and worse again is
             # another fault, which no acknowledgement of the first one holds.
             since = now if state is _CRITICAL else component.since
-            identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
+            identity = Identity(_COMPONENT, state, "", component.robot.name, *component.name)
             problem = book.new_problem(identity, since)
             problem.by_setting = state is _CRITICAL
         if component.since is not None:
@@ -154,12 +153,12 @@ def hold(book: Book, robot: RobotRecord, now: Instant) -> None:
     for problem in robot.checks.values():
         book.give_verdict(problem, Verdict.NO_DATA)
     for component in robot.components.values():
-        component.level = Level.STALE
+        component.level = _STALE
         for state, problem in component.problems.items():
-            if state is not State.FLAPPING:
-                book.give_verdict(problem, Verdict.NO_DATA)
+            if state is not _FLAPPING:
+                book.give_verdict(problem, _NO_DATA)
         for problem in component.values.values():
-            book.give_verdict(problem, Verdict.NO_DATA)
+            book.give_verdict(problem, _NO_DATA)
         causes.count_component(book, component, now)
         book.write(component)
     book.touched_causes[robot.many] = None
@@ -198,7 +197,7 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
         book.forget_changes(component)  # people know: warnings may have waited for their hours
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
-    if State.FLAPPING in component.problems:
+    if _FLAPPING in component.problems:
         book.touch(component.problems.values())  # as `report_level` has what is received
     book.write(component)
     if component.is_usual:
@@ -240,10 +239,10 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     if problem is None and number < most:
         return
     is_fault = problem is not None and problem.fault is not None
-    lasts = is_fault and (2 * number >= most or level is not Level.OK)
-    verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
+    lasts = is_fault and (2 * number >= most or level is not _OK)
+    verdict = _NO_DATA if lasts else _HEALTHY
     if number >= most:
-        verdict = Verdict.FAILING
+        verdict = _FAILING
     robot = component.robot.name
     identity = Identity(Scope.FLAPPING, _INTERMITTENT, "", robot, *component.name)
     book.judge(identity, verdict, now)
@@ -252,10 +251,12 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 def _judge_flapping(
     book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
 ) -> None:
-    robot, is_known = component.robot, _FLAPPING in component.problems
-    if is_known or flaps.ratio >= book.settings.flapping.start:  # of most changes neither
-        identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
-        judge_flapping(book, flaps, identity, now)
+    robot, problem = component.robot, component.problems.get(_FLAPPING)
+    if problem is not None or flaps.ratio >= book.settings.flapping.start:  # of most neither
+        if problem is None:
+            identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
+            problem = book.new_problem(identity, now)
+        book.give_verdict(problem, of_changes(book, flaps, problem))
         book.touched_causes[robot.many] = None
     wake(book, component)
 
