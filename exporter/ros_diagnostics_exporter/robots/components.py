@@ -32,8 +32,7 @@ from ros_diagnostics_exporter.robots.rules import (
 )
 from ros_diagnostics_exporter.robots.values import ComponentValues
 
-# How many series a component has at least: level, since, changes, info, problem since, message.
-SERIES_OF_COMPONENT = 6
+SERIES_OF_COMPONENT = 6  # at least: level, since, changes, info, problem since, message
 # Seconds after a robot is received again in which those that publish only on a change may start.
 TIME_TO_START = 60.0
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
@@ -386,8 +385,7 @@ class Components:
     def follow_reading(self, now: Instant, *, lossy: bool, unread: Container[str]) -> None:
         """Have what is STALE judged again, as too many messages are lost or no longer are.
 
-        What is published only on a change may have been published again, and lost or not read: its
-        time to end begins anew.
+        What is published only on a change may have been lost, or not read: its time begins anew.
         """
         was_unread = {each for each in self if each.is_on_change and self._is_unread(each)}
         if self._is_lossy and not lossy:
