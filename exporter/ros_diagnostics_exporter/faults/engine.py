@@ -147,15 +147,15 @@ class Faults:
         """Follow other settings of the fleet.
 
         Unless the reload ``is_over``, robots follow next, and this is to be called once more: only
-        then is judged what is larger than a robot.
+        then does anything begin, and is judged what is larger than a robot.
         """
         changes = self.advance(now)
         book, has_changed = self._book, settings != self._book.settings
         book.settings, book.is_reloading = settings, not is_over
         book.touch_causes()
+        book.touch(book.problems.values())
         if has_changed:
             judge.set_hours_timer(book, now)
-            book.touch(book.problems.values())
         for robot in book.robots.values() if has_changed else ():
             presence.judge_anew(book, robot, now)
         return changes + judge.settle(book, now)

@@ -122,6 +122,11 @@ def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.verdict is _HEALTHY:
         _drop(book, problem, now)
         return None
+    # In a reload, what it rests on may go with the former config: it is judged after that.
+    return None if book.is_reloading else _begin_if_due(book, problem, now)
+
+
+def _begin_if_due(book: Book, problem: Problem, now: Instant) -> Change | None:
     due = book.due(problem)
     if now.mono < due:
         book.timers.set(("confirm", problem), due)

@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.fleet.state import PASS_ON
 from ros_diagnostics_exporter.fleet.unmatched import GRACE
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from support.configs import load_text
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, raw_fleet, raw_robot, tree
 
 HOT, LASER = Status(ERROR, "Motor", "Hot"), Status(OK, "Laser", values=(("Voltage", "12 V"),))
@@ -434,3 +435,27 @@ def test_robots_that_change_their_places_are_counted_where_they_are_then(names):
     for _second in driver.seconds(90):
         driver.receive("/c/diagnostics", LASER)
     assert driver.fault_names() == alone
+
+
+PROFILE = """
+fleet: f
+profiles: {{default: {{{}}}}}
+robots: [{{name: r, topic: /r/diagnostics, source: raw}}]
+"""
+SEES = "confirm_after: 10s, capabilities: {view: {any: [Left, Right]}, drive: [{capability: view}]}"
+BLIND = "confirm_after: 0s, components: [{match: Left, ignore: true}, {match: Right, ignore: true}]"
+
+
+@pytest.mark.parametrize("left", [WARN, ERROR])
+@pytest.mark.parametrize("right", [OK, ERROR])
+def test_what_goes_with_a_reload_does_not_begin_in_it(tmp_path, left, right):
+    """Once what a capability was without its other part began and was removed at one time."""
+    driver = StateDriver(fleet=load_text(tmp_path, PROFILE.format(SEES)))
+    driver.stand(40, Status(OK, "Left"), Status(OK, "Right"))
+    driver.stand(40, Status(left, "Left"), Status(right, "Right"))
+    before = len(driver.events)
+    driver.configure(load_text(tmp_path, PROFILE.format(BLIND)))
+    driver.stand(5, Status(left, "Left"), Status(right, "Right"))
+    kinds = {each.kind for each in driver.events[before:]}
+    assert "fault_ended" in kinds
+    assert "fault_began" not in kinds
