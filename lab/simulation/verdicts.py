@@ -391,6 +391,7 @@ class Delivered:
             for robot, known in found
             if known.fresh and known.level is ERROR and max(known.since, known.boots) < at
             if not (robot in self.planned or self._is_planned_part(robot, name))
+            if not (SETTINGS[name].measured and robot in self.cut)
         ]
 
     def _capability_recovered(self, identity: Identity) -> None:
