@@ -12,13 +12,13 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from simulation import features, network, planted, shards, sources, twins
+from simulation import features, network, planted, reloads, shards, sources, twins
 from simulation.checks import BrokenError, Judge
 from simulation.shrink import as_test, shrink
 from simulation.story import Story, generate
 
 LONGEST = 60  # seconds for one history of `--features`
-OF_SOURCES = 5  # of as many seeds one plays `sources`, which takes longer than the others
+OF_LONGER = 5  # of as many seeds one plays `sources` and `reloads`, which take longer
 
 
 def main() -> int:
@@ -53,7 +53,8 @@ def _play_features(seeds: range) -> int:
     """Play short histories of a small fleet that uses every feature.
 
     And of two nodes of one name, of robots behind a bad network, and now and then one of a robot
-    with topics, goals, nodes and a query. Returns 1 where one fails.
+    with topics, goals, nodes and a query, and one in which fleet.yml changes all the time. Returns
+    1 where one fails.
     """
     logging.disable()  # robots that are odd are logged, thousands of times
     begin, seed, steps = time.perf_counter(), seeds.start, list[tuple[Any, ...]]()
@@ -67,9 +68,11 @@ def _play_features(seeds: range) -> int:
             network.play(seed)
             steps = []
             twins.play(seed)
-            if seed % OF_SOURCES == 0:
+            if seed % OF_LONGER == 0:
                 steps = [*sources.random_steps(seed)]
                 sources.play(seed)
+                steps = [*reloads.random_steps(seed)]
+                reloads.play(seed)
     except Exception as error:  # noqa: BLE001 - of whatever kind: the seed is what is needed
         *_, last = traceback.extract_tb(error.__traceback__)
         print(f"seed {seed} fails: {error!r}\nin {last.name}: {last.line}", flush=True)
