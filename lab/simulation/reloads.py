@@ -3,6 +3,8 @@
 Conditions, thresholds, capabilities and larger faults come and go, while components fail, robots
 are silent or in downtimes, people acknowledge and forget, and the exporter starts again, also
 without its database. In the end both have to say the same of what is broken.
+
+And in whatever order a file and an array name things, the same begins and ends at the same time.
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ class Site:
 
     folder: Path
     first: int  # the number of the first fleet.yml
+    backwards: bool = False  # robots of a file and components of an array come in the other order
     said: dict[str, dict[str, int]] = field(init=False)
     charges: dict[str, int] = field(init=False)
     mode: str = field(init=False)
@@ -45,6 +48,7 @@ class Site:
     alerts: Alerts = field(default_factory=Alerts)
     lasting: set[str] = field(default_factory=set)  # the ids of faults that last
     ended: int = 0  # events that were checked
+    history: list[tuple[float, str, str, str]] = field(default_factory=list)  # of all faults
     adopts_from: float = inf  # Unix time, without a database
 
     def __post_init__(self) -> None:
@@ -58,7 +62,9 @@ class Site:
         self.driver.keep(self.path)
 
     def _load(self, document: dict[str, Any]) -> Fleet | None:
-        path = self.folder / "fleet.yml"
+        path, robots = self.folder / "fleet.yml", document.get("robots", [])
+        if self.backwards and robots:
+            document = document | {"robots": robots[::-1]}
         path.write_text(json.dumps(document))
         try:
             return load(path)
@@ -167,13 +173,11 @@ class Site:
         for name in sorted(self.received):
             charge, mode = ("Charge", f"{self.charges[name]} %"), ("mode", self.mode)
             texts = {"Battery": (charge,), "Mode": (mode,)}
-            driver.receive(
-                f"/{name}/diagnostics",
-                *(
-                    Status(level, component, "it says so", "", texts.get(component, ()))
-                    for component, level in self.said[name].items()
-                ),
-            )
+            statuses = [
+                Status(level, component, "it says so", "", texts.get(component, ()))
+                for component, level in self.said[name].items()
+            ]
+            driver.receive(f"/{name}/diagnostics", *statuses[:: -1 if self.backwards else 1])
 
     def _adopt(self) -> None:
         state, now = self.driver.state, self.driver.now
@@ -204,6 +208,7 @@ class Site:
                 continue
             texts = {name: getattr(event, name) for name in IDENTITY[1:]}
             fault = fault_of(self.driver.state.fleet, texts)
+            self.history.append((event.time, event.kind, event.reason, fault))
             if event.kind == "fault_began":
                 assert fault not in self.lasting, f"began twice: {event}"
                 self.lasting.add(fault)
@@ -282,19 +287,29 @@ def _random_step(random: Random) -> Step:
 
 
 def play(seed: int, steps: list[Step] | None = None) -> None:
-    """Play the history of a seed, or these steps with its first fleet.yml.
+    """Play the history of a seed, or these steps with its first fleet.yml, in both orders.
 
     Raises:
         AssertionError: Something is judged wrongly, or differs from what a start makes of it.
     """
+    steps = random_steps(seed) if steps is None else steps
+    found = [_history(seed, steps, backwards=backwards) for backwards in (False, True)]
+    other = set(found[0]) ^ set(found[1])
+    assert not other, f"not in both orders: {sorted(other)}"
+
+
+def _history(seed: int, steps: list[Step], *, backwards: bool) -> list[tuple[float, str, str, str]]:
     with TemporaryDirectory() as folder:
-        site = Site(Path(folder), seed)
+        site = Site(Path(folder), seed, backwards)
         try:
             site.wait(45)
-            for what, how, seconds in random_steps(seed) if steps is None else steps:
+            for what, how, seconds in steps:
                 getattr(site, what)(**how)
                 site.wait(seconds)
                 site.check()
-            site.finish()
+            history = [*site.history]
+            if not backwards:
+                site.finish()
         finally:
             site.driver.close()
+    return history
