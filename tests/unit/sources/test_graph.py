@@ -189,7 +189,7 @@ def test_a_process_that_ran_a_whole_namespace_and_processes_that_end_one_by_one_
     other = Site()
     views["go"] = TopicView((Peer("/r/nav/controller", "0b" * 16),), ())
     other.learn(*USUAL, **views)
-    other.look(3, *without("nav/planner"))
+    other.look(2, *without("nav/planner"))
     other.look(60, *without("nav/planner", "nav/controller"))
     assert (other.problems.keys(), other.events) == (gone, [])
 
@@ -477,13 +477,14 @@ def test_a_topic_and_what_an_ignored_node_has_of_one_are_no_problem_any_more(sit
         "chat": CHAT._replace(mismatches=(why,)),
         "plan": CHAT._replace(publishers=second),
         "map": CHAT._replace(mismatches=(why,)),
+        "go": CHAT._replace(publishers=(*second, Peer("/r/driver", "04" * 16))),
     }
-    site.learn(*USUAL, chat=CHAT, plan=CHAT, map=CHAT)
+    site.learn(*USUAL, chat=CHAT, plan=CHAT, map=CHAT, go=CHAT)
     site.look(70, *USUAL, **views)
-    assert site.problems.keys() == {"topic chat", "topic plan", "topic map"}
+    assert site.problems.keys() == {"topic chat", "topic plan", "topic map", "topic go"}
     site.graph = ignoring("debug", "chat")
     site.look(1, *USUAL, **views)
-    assert site.names == ["topic map"]
+    assert site.names == ["topic go", "topic map"]
     site.graph = ignoring("debug", "chat", "driver")
     site.look(70, *USUAL, **views)
     assert site.names == []
@@ -569,6 +570,7 @@ def test_what_a_person_accepts_is_expected_from_then_on():
     site.look(60, *without("driver"), "new", "amcl", **views)
     assert site.problems.keys() == {"node driver", "node amcl", "topic chat"}
     assert site.watch.accept("r", site.now) == 4  # of amcl there are two
+    assert site.watch._robots["r"].learned(site.now).nodes["amcl"] == 0
     usual = [*without("driver"), "new", "amcl"]
     site.look(60, *usual, **views)
     assert (site.problems, site.reports[-1].feed) == ({}, GRAPH)
