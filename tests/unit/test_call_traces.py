@@ -1,10 +1,14 @@
 """What a message and a scrape cost in calls and files does not grow unnoticed."""
 
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 import call_traces
+from support.loopback import replying
+from virtual_robots.model import Status
+from virtual_robots.recording.cdr import encode_array
 
 MORE = sys.version_info < (3, 11)  # with Python 3.10 a restart has one call more
 
@@ -63,3 +67,25 @@ def test_what_is_not_configured_costs_no_call(traces, name, feature):
     assert all((call_traces.PACKAGE / file).exists() for file in UNUSED[feature])
 
     assert not traces[name].keys() & set(UNUSED[feature])
+
+
+@pytest.mark.parametrize("level", [call_traces.OK, call_traces.ERROR])
+def test_of_the_components_of_a_message_the_last_one_is_broken(level):
+    words = {call_traces.OK: ("OK", "40"), call_traces.ERROR: ("overheated", "90")}
+    rows = [("/Drives", level), ("/Drives/Motor 1", call_traces.OK), ("/Drives/Motor 2", level)]
+    sent = [
+        Status(of, name, words[of][0], "", (("Temperature (C)", words[of][1]),))
+        for name, of in rows
+    ]
+    assert call_traces._message(level) == encode_array(sent, 0.0, "")
+
+
+@pytest.mark.parametrize("status", [200, 201, 503])
+def test_a_scrape_that_is_not_answered_is_no_trace(status):
+    with replying(lambda _request: (status, b"")) as address:
+        server = SimpleNamespace(addresses=[address], connections=())
+        if status == 200:
+            call_traces._scrape(server)
+            return
+        with pytest.raises(RuntimeError, match=f"the scrape was answered {status}"):
+            call_traces._scrape(server)
