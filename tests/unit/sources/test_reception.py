@@ -1,5 +1,6 @@
 """What all sources of messages share: the turns of a domain, and what an error in one stops."""
 
+from itertools import count
 from unittest.mock import Mock
 
 import pytest
@@ -220,3 +221,21 @@ def test_a_domain_that_is_left_or_fails_while_it_is_joined_is_not_said_to_be_joi
     played.join = lambda: played.fail(error) if error else played.loop.ask_to_stop()
     played._turn()
     assert not played.receiver.domain_joined.called
+
+
+@pytest.mark.parametrize(("cost", "apart"), [(0.0, 1.0), (0.01, 1.0), (0.06, 3.0), (9.0, 5.0)])
+def test_a_look_that_shows_the_same_is_as_far_from_the_next_as_its_cost_allows(
+    played, monkeypatch, cost, apart
+):
+    ticks = count(1_000)  # of the processor time before the look, and behind it
+    monkeypatch.setattr(reception.time, "thread_time", lambda: 1_000.0 + cost * (next(ticks) % 2))
+    monkeypatch.setattr(reception.time, "monotonic", lambda: 50_000.0)
+    played.is_same = False
+
+    def look():
+        played.is_same = True
+        yield
+
+    played.look = look
+    played._look_on()
+    assert played.look_at == pytest.approx(50_000.0 + apart)
