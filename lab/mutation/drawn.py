@@ -54,6 +54,7 @@ OTHERS = {
             *("tests/unit/metrics/test_metrics_reference.py", "tests/unit/test_call_traces.py"),
             *("tests/unit/rules/test_prometheus_operator.py", "tests/unit/test_generate.py"),
             *("tests/unit/rules/test_mail_pictures.py", "tests/unit/grafana/test_grafana_com.py"),
+            *("tests/unit/docs/test_site.py",),
         ),
     ),
 }
