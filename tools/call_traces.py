@@ -38,7 +38,6 @@ fleet: hall
 robots: [{name: robot_1, labels: {site: hall}, topic: /robot_1/diagnostics_agg, source: agg}]
 """
 TOPIC = Topic(0, "/robot_1/diagnostics_agg")
-COMPONENTS = tuple(f"/Drives/Motor {number}" for number in (1, 2))
 OK, ERROR = 0, 2
 
 Calls = dict[str, int]  # how many of functions of a file, in the order of the files' first calls
@@ -165,9 +164,8 @@ def _scrape(server: Server) -> None:
 
 def _message(level: int) -> bytes:
     """An aggregator's array: one component of that level, all others OK."""
-    rows = [_status("/Drives", level)]
-    rows += [_status(name, OK) for name in COMPONENTS[:-1]]
-    rows.append(_status(COMPONENTS[-1], level))
+    levels = {"/Drives": level, "/Drives/Motor 1": OK, "/Drives/Motor 2": level}
+    rows = [_status(name, of) for name, of in levels.items()]
     return _with_zeros(bytearray(serialize_message(DiagnosticArray(status=rows))))
 
 

@@ -1,8 +1,8 @@
 """`./run mutate`: plant small mistakes in packages: how many do their unit tests find?
 
 cosmic-ray makes the mistakes, a few drawn from all of each package. Of the unit tests of the
-package those are run that execute the changed statement, in a copy of the checkout. As many
-packages at a time as there are cores.
+package those are run that execute the changed statement, or else name its file, in a copy of the
+checkout. As many packages at a time as there are cores.
 """
 
 from __future__ import annotations

@@ -62,9 +62,14 @@ class Tests:
         self._limit, self._slower = int(10 + SLOWER * used), SLOWER
 
     def reaching(self, path: Path, lines: range) -> list[str]:
-        """The tests that execute one of these lines; all for those that an import executes."""
+        """The tests that execute one of these lines; all for those that an import executes.
+
+        Where none does, those that name the file: they may start it as a program.
+        """
         by_line = self._reached.get(str(path.resolve()), {})
         found = {test for line in lines for test in by_line.get(str(line), ())}
+        if not found:
+            return [each for each in self._all if path.stem in Path(_file(each)).read_text()]
         return self._all if "" in found else sorted(found)
 
     def kill(self, tests: list[str]) -> bool:

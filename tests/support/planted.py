@@ -6,8 +6,8 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[2]
 FAULTS = Path("ros_diagnostics_exporter") / "faults"
-# What is not copied: an environment, caches, and what no unit test of a package reads.
-_LEFT_OUT = (".*", "__pycache__", "images")
+# What is not copied: an environment, and caches.
+_LEFT_OUT = (".*", "__pycache__")
 
 
 def planted(folder: Path, file: str, right: str, wrong: str) -> dict[str, str]:

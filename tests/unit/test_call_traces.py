@@ -1,10 +1,14 @@
 """What a message and a scrape cost in calls and files does not grow unnoticed."""
 
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 import call_traces
+from support.loopback import replying
+from virtual_robots.model import Status
+from virtual_robots.recording.cdr import encode_array
 
 MORE = sys.version_info < (3, 11)  # with Python 3.10 a restart has one call more
 
@@ -63,3 +67,49 @@ def test_what_is_not_configured_costs_no_call(traces, name, feature):
     assert all((call_traces.PACKAGE / file).exists() for file in UNUSED[feature])
 
     assert not traces[name].keys() & set(UNUSED[feature])
+
+
+def test_a_function_of_the_package_is_one_call_however_often_it_goes_on():
+    def frame(file: str, function: str, folder: object = call_traces.PACKAGE) -> SimpleNamespace:
+        code = SimpleNamespace(co_filename=f"{folder}/{file}", co_name=function)
+        return SimpleNamespace(f_code=code, f_back=None)
+
+    tracer = call_traces.Tracer()
+    turn, of_server = frame("loops.py", "turn"), frame("loops.py", "turn")
+    of_server.f_back = frame("server.py", "tick", "uvicorn")
+    others = frame("loops.py", "<listcomp>"), frame("loops.py", "turn", "/elsewhere"), of_server
+    tracer.note(turn, "call", None)
+    with tracer.tracing(this_thread=False) as calls:
+        for each in others:
+            tracer.note(each, "call", None)
+        tracer.note(turn, "return", None)
+        assert calls == {}
+        for _ in range(2):
+            tracer.note(turn, "call", None)
+        for name in "turn", "<lambda>":
+            tracer.note(frame("loops.py", name), "call", None)
+        tracer.note(frame("web/server.py", "start"), "call", None)
+    tracer.note(frame("loops.py", "turn"), "call", None)
+    assert calls == {"loops.py": 3, "web/server.py": 1}
+
+
+@pytest.mark.parametrize("level", [call_traces.OK, call_traces.ERROR])
+def test_of_the_components_of_a_message_the_last_one_is_broken(level):
+    words = {call_traces.OK: ("OK", "40"), call_traces.ERROR: ("overheated", "90")}
+    rows = [("/Drives", level), ("/Drives/Motor 1", call_traces.OK), ("/Drives/Motor 2", level)]
+    sent = [
+        Status(of, name, words[of][0], "", (("Temperature (C)", words[of][1]),))
+        for name, of in rows
+    ]
+    assert call_traces._message(level) == encode_array(sent, 0.0, "")
+
+
+@pytest.mark.parametrize("status", [200, 201, 503])
+def test_a_scrape_that_is_not_answered_is_no_trace(status):
+    with replying(lambda _request: (status, b"")) as address:
+        server = SimpleNamespace(addresses=[address], connections=())
+        if status == 200:
+            call_traces._scrape(server)
+            return
+        with pytest.raises(RuntimeError, match=f"the scrape was answered {status}"):
+            call_traces._scrape(server)

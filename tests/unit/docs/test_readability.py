@@ -35,6 +35,10 @@ def test_the_counts_of_a_page():
     }
 
 
+def test_words_are_counted_in_a_thousand():
+    assert readability.counts("You " * 2000, [])["you"] == 1000
+
+
 def test_a_word_is_explained_by_a_link_by_bold_or_by_what_follows():
     assert readability.unexplained(PAGE, WORDS) == ["held"]
     assert readability.unexplained("# Pair\n\nA pair means two.", ["pair"]) == []

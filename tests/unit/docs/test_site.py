@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,6 +14,7 @@ from support.called import called
 
 CHECKOUT = Path(__file__).parents[3]
 pytest.importorskip("material", reason="./run docs installs it")
+site_pages = pytest.importorskip("site_pages")
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +95,23 @@ def test_a_search_finds_in_a_folder_without_a_network(
     links = page.eval_on_selector_all(FOUND, "found => found.map((each) => each.href)")
 
     assert page_name in {link.partition("?")[0].rpartition("/")[2] for link in links}
+
+
+@pytest.mark.parametrize(
+    ("folder", "text", "moved"),
+    [
+        (".", "[a](docs/x.md#y), [b](SECURITY.md)", "[a](x.md#y), [b](SECURITY.md)"),
+        (".", "[a](tools/x.py), [b](docs/away.md), ![c](docs/images/p.svg)", "a, b, c"),
+        (".", "[a](https://x.example/docs/x.md), [b](#y)", None),
+        ("docs", "[a](x.md), [b](../README.md#y)", "[a](x.md), [b](index.md#y)"),
+        ("docs/alerts", "[a](../x.md), [b](../../README.md)", "[a](../x.md), [b](../index.md)"),
+        ("docs/alerts", "![a](../images/there.svg)", "![a](../images/there.svg)"),
+    ],
+)
+def test_a_link_leads_to_a_page_of_the_site_or_to_nothing(folder, text, moved):
+    there = {"x.md", "images/there.svg"}
+    files = Mock(get_file_from_path=lambda page: page if page in there else None)
+    assert site_pages.moved(text, folder, files) == (text if moved is None else moved)
+    config = Mock(nav=[{"Alerts": ["index.md", {"Runbooks": []}]}, {"Other": "x.md"}])
+    runbooks = site_pages.on_config(config).nav[0]["Alerts"][1]["Runbooks"]
+    assert {"RobotSilent": "alerts/RosDiagnosticsRobotSilent.md"} in runbooks

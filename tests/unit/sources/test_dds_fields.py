@@ -119,7 +119,7 @@ def test_a_silent_topic_is_subscribed_anew_once_its_publishers_offer_something_e
     site.take.return_value = None
     site.look(159.0)
     assert site.subscribe.call_count == 1
-    site.look(161.0)
+    site.look(160.0)
     assert site.subscribe.call_count == 2
     assert site.subscribe.call_args.args[2].durability == DurabilityPolicy.VOLATILE
 

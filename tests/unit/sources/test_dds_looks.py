@@ -14,7 +14,7 @@ from rclpy.serialization import serialize_message
 from ros_diagnostics_exporter.config.robots import MESSAGE_TYPE
 from ros_diagnostics_exporter.model import Endpoint, Instant
 from ros_diagnostics_exporter.sources import dds, dds_endpoints, dds_names, dds_watch
-from ros_diagnostics_exporter.sources.dds import MAX_ASKED, TYPE, DdsDomain, describe_ros
+from ros_diagnostics_exporter.sources.dds import MAX_ASKED, SELDOM, TYPE, DdsDomain, describe_ros
 from ros_diagnostics_exporter.sources.dds_endpoints import (
     ASKED_BEFORE,
     MAX_ENDPOINTS,
@@ -298,6 +298,16 @@ def test_a_topic_of_a_node_whose_name_cannot_be_read_is_not_judged(monkeypatch):
     error = UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid")
     monkeypatch.setattr(node, "get_subscriptions_info_by_topic", Mock(side_effect=error))
     assert EndpointReader(0, Mock(), lambda _name: None)._view(node, "/t") is None
+
+
+@pytest.mark.parametrize("looks", [SELDOM, 2 * SELDOM])
+def test_each_topic_has_one_turn_in_so_many_looks(domain, looks):
+    names = [f"/t{number}" for number in range(50)]
+    turns = []
+    for _ in range(looks):
+        list(domain.look())
+        turns += [each for each in names if domain._has_turn(each, looks)]
+    assert sorted(turns) == sorted(names)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,14 @@ from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources import graph_nodes, graph_topics
 from ros_diagnostics_exporter.sources.graph import CLAIMED, GraphWatch
 from ros_diagnostics_exporter.sources.graph_messages import Log, Transition
-from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import (
+    SEEN_FOR,
+    UNKNOWN,
+    US,
+    Mismatch,
+    Peer,
+    TopicView,
+)
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.robot_graph import GRAPH, SHADOW, Report
 
@@ -189,7 +196,7 @@ def test_a_process_that_ran_a_whole_namespace_and_processes_that_end_one_by_one_
     other = Site()
     views["go"] = TopicView((Peer("/r/nav/controller", "0b" * 16),), ())
     other.learn(*USUAL, **views)
-    other.look(3, *without("nav/planner"))
+    other.look(2, *without("nav/planner"))
     other.look(60, *without("nav/planner", "nav/controller"))
     assert (other.problems.keys(), other.events) == (gone, [])
 
@@ -259,9 +266,9 @@ def test_endpoints_that_cannot_match_are_a_problem(site):
     tool = Mismatch("/r/amcl", "/r/rviz2", "best effort and reliable")
     site.look(60, *USUAL, chat=CHAT._replace(mismatches=(tool,)))
     assert site.problems == {}
-    site.look(20, *USUAL, chat=CHAT._replace(mismatches=(why, tool)))
+    site.look(SEEN_FOR, *USUAL, chat=CHAT._replace(mismatches=(why, tool)))
     assert site.problems == {}
-    site.look(20, *USUAL, chat=CHAT._replace(mismatches=(why, tool)))
+    site.look(1, *USUAL, chat=CHAT._replace(mismatches=(why, tool)))
     text = "/r/driver receives nothing from /r/amcl: best effort and reliable"
     assert site.problems == {"topic chat": text}
     site.look(2, *USUAL, chat=CHAT)
@@ -283,9 +290,9 @@ def test_a_second_publisher_where_one_was_is_a_problem(site):
     usual = {"rosout": CHAT, "go/_action/status": CHAT, "other": doubled}
     site.learn(*USUAL, chat=CHAT, **usual)
     now = dict.fromkeys(usual, doubled)
-    site.look(25, *USUAL, chat=doubled, **now)
+    site.look(SEEN_FOR, *USUAL, chat=doubled, **now)
     assert site.problems == {}
-    site.look(10, *USUAL, chat=doubled, **now)
+    site.look(1, *USUAL, chat=doubled, **now)
     assert site.problems == {"topic chat": "2 publishers where one was: /r/amcl, /r/driver"}
 
 
@@ -305,9 +312,9 @@ def test_the_publishers_of_a_node_that_is_there_twice_are_no_problem_of_their_ow
 def test_a_side_that_a_topic_lost_although_its_node_goes_on_is_a_problem(site):
     unheard, silent = CHAT._replace(subscribers=()), CHAT._replace(publishers=())
     site.learn(*USUAL, chat=CHAT, plan=CHAT, new=unheard)
-    site.look(25, *USUAL, chat=unheard, plan=silent, new=unheard)
+    site.look(SEEN_FOR, *USUAL, chat=unheard, plan=silent, new=unheard)
     assert site.problems == {}
-    site.look(10, *USUAL, chat=unheard, plan=silent, new=unheard)
+    site.look(1, *USUAL, chat=unheard, plan=silent, new=unheard)
     lost = {
         "topic chat": "nobody subscribes any more, as /r/driver did",
         "topic plan": "nobody publishes any more, as /r/amcl did",
@@ -354,9 +361,9 @@ def test_of_very_many_topics_those_that_were_found_first_are_judged(site):
 
 def test_endpoints_of_no_known_node_are_half_a_discovery(site):
     half = CHAT._replace(mismatches=(UNKNOWN,))
-    site.look(25, *USUAL, chat=half, plan=half, other=CHAT)
+    site.look(SEEN_FOR, *USUAL, chat=half, plan=half, other=CHAT)
     assert site.problems == {}
-    site.look(10, *USUAL, chat=half, plan=half, other=CHAT)
+    site.look(1, *USUAL, chat=half, plan=half, other=CHAT)
     text = "endpoints of 2 topics are of no known node: chat, plan"
     assert site.problems == {"discovery": text}
     site.look(10, *USUAL, chat=CHAT, plan=CHAT)
@@ -477,13 +484,14 @@ def test_a_topic_and_what_an_ignored_node_has_of_one_are_no_problem_any_more(sit
         "chat": CHAT._replace(mismatches=(why,)),
         "plan": CHAT._replace(publishers=second),
         "map": CHAT._replace(mismatches=(why,)),
+        "go": CHAT._replace(publishers=(*second, Peer("/r/driver", "04" * 16))),
     }
-    site.learn(*USUAL, chat=CHAT, plan=CHAT, map=CHAT)
+    site.learn(*USUAL, chat=CHAT, plan=CHAT, map=CHAT, go=CHAT)
     site.look(70, *USUAL, **views)
-    assert site.problems.keys() == {"topic chat", "topic plan", "topic map"}
+    assert site.problems.keys() == {"topic chat", "topic plan", "topic map", "topic go"}
     site.graph = ignoring("debug", "chat")
     site.look(1, *USUAL, **views)
-    assert site.names == ["topic map"]
+    assert site.names == ["topic go", "topic map"]
     site.graph = ignoring("debug", "chat", "driver")
     site.look(70, *USUAL, **views)
     assert site.names == []
@@ -569,6 +577,7 @@ def test_what_a_person_accepts_is_expected_from_then_on():
     site.look(60, *without("driver"), "new", "amcl", **views)
     assert site.problems.keys() == {"node driver", "node amcl", "topic chat"}
     assert site.watch.accept("r", site.now) == 4  # of amcl there are two
+    assert site.watch._robots["r"].learned(site.now).nodes["amcl"] == 0
     usual = [*without("driver"), "new", "amcl"]
     site.look(60, *usual, **views)
     assert (site.problems, site.reports[-1].feed) == ({}, GRAPH)

@@ -281,6 +281,16 @@ def test_what_all_robots_of_a_domain_ask_for_is_shared_among_them(site):
     assert (site.report.watched, site.problems) == (15_000.0, {})
 
 
+def test_robots_of_which_nothing_is_watched_and_those_that_were_known_hide_no_other(site):
+    site.robots = [site.robots[1], Robot("t", namespace="/t", profile=site.robots[0].profile)]
+    site.go_on(1)
+    site.wanted()
+    site.watch.note_watched(0, {"/rosout": 15_000.0}, site.now)
+    site.watch.see_nodes(0, [("amcl", "/s"), ("amcl", "/t")], site.now)
+    watched = {each.robot: each.watched for each in site.watch.reports(0, site.now)}
+    assert watched == {"s": None, "t": 15_000.0}
+
+
 def test_only_what_the_config_names_is_asked_for():
     asked = ["log a", "lifecycle a", "watch"]
     others = ["topic log", "node log", "nodes", "link", "discovery"]

@@ -1,5 +1,6 @@
 """What all sources of messages share: the turns of a domain, and what an error in one stops."""
 
+from itertools import count
 from unittest.mock import Mock
 
 import pytest
@@ -78,6 +79,9 @@ def test_a_domain_whose_messages_cannot_be_taken_says_why():
         domain.wait(30)
 
 
+ENOUGH = 60.0  # seconds of a turn, however busy the machine is
+
+
 class Played(Reception):
     """A joined domain whose turns a test makes; ``arriving`` are the messages of each topic."""
 
@@ -117,7 +121,9 @@ class Played(Reception):
 
 
 @pytest.fixture
-def played() -> Played:
+def played(monkeypatch) -> Played:
+    for name in "DRAIN_TIME", "DECODE_TIME":
+        monkeypatch.setattr(reception, name, ENOUGH)
     domain = Played()
     for name in ("/a", "/b"):
         domain.want(name, "offer", shared=False)
@@ -133,7 +139,7 @@ def test_all_that_has_arrived_is_received_the_topic_that_costs_least_first(playe
 def test_what_one_turn_has_no_time_for_is_received_with_the_next(played, monkeypatch):
     monkeypatch.setattr(reception, "DECODE_TIME", 0.0)
     assert played.turn(a=[b"1", b"2", b"3"]) == []
-    monkeypatch.undo()
+    monkeypatch.setattr(reception, "DECODE_TIME", ENOUGH)
     assert played.turn() == [("/a", 1)] * 3
     assert played._waiting == {}
 
@@ -142,7 +148,7 @@ def test_of_a_topic_that_is_not_wanted_any_more_nothing_is_received(played, monk
     monkeypatch.setattr(reception, "DECODE_TIME", 0.0)
     played.turn(a=[b"1"], b=[b"1"])
     played.unsubscribe("/a")
-    monkeypatch.undo()
+    monkeypatch.setattr(reception, "DECODE_TIME", ENOUGH)
     assert (played.turn(), played.closed) == ([("/b", 1)], ["/a"])
 
 
@@ -220,3 +226,21 @@ def test_a_domain_that_is_left_or_fails_while_it_is_joined_is_not_said_to_be_joi
     played.join = lambda: played.fail(error) if error else played.loop.ask_to_stop()
     played._turn()
     assert not played.receiver.domain_joined.called
+
+
+@pytest.mark.parametrize(("cost", "apart"), [(0.0, 1.0), (0.01, 1.0), (0.06, 3.0), (9.0, 5.0)])
+def test_a_look_that_shows_the_same_is_as_far_from_the_next_as_its_cost_allows(
+    played, monkeypatch, cost, apart
+):
+    ticks = count(1_000)  # of the processor time before the look, and behind it
+    monkeypatch.setattr(reception.time, "thread_time", lambda: 1_000.0 + cost * (next(ticks) % 2))
+    monkeypatch.setattr(reception.time, "monotonic", lambda: 50_000.0)
+    played.is_same = False
+
+    def look():
+        played.is_same = True
+        yield
+
+    played.look = look
+    played._look_on()
+    assert played.look_at == pytest.approx(50_000.0 + apart)
