@@ -431,7 +431,7 @@ class World(Delivered):
     def forget(self, robot: str, name: str) -> None:
         """A person takes out a component, which is new if its robot reports it again."""
         self.engine()  # what was due before it
-        self.forgotten = robot, name
+        self.forgotten, self.taken_at[robot] = (robot, name), self.second
         former = self.truth.pop((robot, name), Truth())
         component = ComponentName(former.group, name)
         self.engine(lambda faults, now: faults.forget_component(robot, component, now))

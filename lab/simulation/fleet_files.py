@@ -79,7 +79,7 @@ def random_document(random: Random, wall: float, *, discovered: bool) -> dict[st
 def _profile(random: Random) -> dict[str, Any]:
     rules = [
         {"match": name, **random.choice([each for each in RULES if _may_have(name, each)])}
-        for name in random.sample(COMPONENTS[:5], random.randrange(5))
+        for name in random.sample(COMPONENTS[:6], random.randrange(6))
     ]
     capabilities = {name: random.choice(of) for name, of in NEEDS.items() if random.random() < 0.6}
     if "view" in capabilities and random.random() < 0.6:

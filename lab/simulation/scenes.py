@@ -8,7 +8,7 @@ from typing import Any
 
 from simulation.small_fleet import COMPONENTS, FALLS, FLEETS, HOSTS, ROBOTS
 from simulation.story import OWN_PARTS
-from support.fault_histories import ERROR, OK, STALE
+from support.fault_histories import ERROR, OK, STALE, WARN
 
 # Seconds before it, what happens with its arguments, whether a new process goes on from the rows.
 Step = tuple[int, tuple[Any, ...], bool]
@@ -16,7 +16,8 @@ Step = tuple[int, tuple[Any, ...], bool]
 
 def random_scene(random: Random) -> Iterator[Step]:
     """One of the scenes, of a robot, a component or a part that is drawn."""
-    scene = random.choice((_uplink, _downtime, _restless_downtime, _falling, _own_part, _transport))
+    several = (_uplink, _downtime, _restless_downtime, _falling, _short_failures)
+    scene = random.choice((*several, _own_part, _transport))
     return ((seconds, step, False) for seconds, step in scene(random))
 
 
@@ -64,6 +65,17 @@ def _falling(random: Random) -> _Scene:
     yield 0, ("falls", robot, random.choice(FALLS), 9.0, True)
     yield 0, ("thresholds", robot, 2)
     yield 90, ("charge", robot, 50.0)
+
+
+def _short_failures(random: Random) -> _Scene:
+    """A component fails for a moment, and for longer: the last change of many is its fault."""
+    robot, name = random.choice(ROBOTS), random.choice(list(COMPONENTS))
+    yield 0, ("downtime", robot, False)
+    yield 0, ("back", robot)
+    yield 30, ("array", robot, dict.fromkeys(COMPONENTS, OK))
+    yield 0, ("wait", 600)
+    for seconds, level in ((25, ERROR), (3, OK), (330, WARN), (3, ERROR), (60, OK)):
+        yield seconds, ("array", robot, {name: level})
 
 
 def _own_part(random: Random) -> _Scene:

@@ -86,6 +86,7 @@ class Delivered:
     planned_at: dict[str, float] = field(default_factory=dict)  # when a downtime began or ended
     forgotten: tuple[str, str] | None = None  # a component that a person takes out now
     taken_out: dict[str, str] = field(default_factory=dict)  # by robot, until it is received again
+    taken_at: dict[str, float] = field(default_factory=dict)  # when, of each robot the last
 
     def engine(self, *happened: Event) -> None:
         """Let time pass, then these; nothing begins or ends that may not."""
@@ -357,7 +358,8 @@ class Delivered:
         """Whether a person takes out what it is about; or a part, so that too little is left."""
         robot, component = self.forgotten or ("", "")
         if identity.scope is Scope.CAPABILITY:
-            return identity.robot == robot or not self.charges[identity.robot].may_fall
+            is_now = self.taken_at.get(identity.robot) == self.second
+            return not identity.robot or is_now or not self.charges[identity.robot].may_fall
         of_robot, of_all = identity.state is State.MANY, identity.scope is Scope.COMMON
         about = "" if of_all else robot, "" if of_robot else component
         is_forgotten = (identity.robot, identity.component) == about and bool(self.forgotten)
