@@ -46,8 +46,12 @@ TimerKind = Literal[
 ]
 _Timed = Problem | RobotRecord | ComponentRecord | None
 Timer = tuple[TimerKind, _Timed]
-_FAILING, _VALUE, _EXPORTER = Verdict.FAILING, Scope.VALUE, Scope.EXPORTER
+_FAILING, _HEALTHY, _NEVER = Verdict.FAILING, Verdict.HEALTHY, Presence.NEVER
+_VALUE, _EXPORTER, _CAPABILITY = Scope.VALUE, Scope.EXPORTER, Scope.CAPABILITY
+_CHECK, _ROBOT, _SITE = Scope.CHECK, Scope.ROBOT, Scope.SITE
 _FLAPPING, _PENDING, _CLOCK, _FALLING = State.FLAPPING, State.PENDING, State.CLOCK, State.FALLING
+_MANY, _INTERMITTENT = State.MANY, State.INTERMITTENT
+_MAY_BE_UNREACHABLE = (State.SILENT, State.FLAPPING)
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 TIME_TO_RETURN = 60.0  # seconds at most for what a fault explained to be healthy after it
@@ -118,8 +122,8 @@ class Book:
             return
         component.flaps.changed = ()
         self.write(component)
-        if State.INTERMITTENT in component.problems:
-            self.give_verdict(component.problems[State.INTERMITTENT], Verdict.HEALTHY)
+        if _INTERMITTENT in component.problems:
+            self.give_verdict(component.problems[_INTERMITTENT], _HEALTHY)
 
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""
@@ -180,25 +184,25 @@ class Book:
         robot = problem.robot = self.robots[identity.robot] if identity.robot else None
         owner: dict[Any, Problem] = self.problems
         key: Any = identity.state
-        if scope is Scope.CAPABILITY:
+        if scope is _CAPABILITY:
             problem.capability = self.capability(robot, identity.check)
             owner = problem.capability.problems
-        elif scope is Scope.EXPORTER:
+        elif scope is _EXPORTER:
             self.own.setdefault(identity.component, CLOCK_TIME)
             key = identity
-        elif robot is None or identity.state is State.MANY:
-            name = identity.site if scope is Scope.SITE else identity.component
+        elif robot is None or identity.state is _MANY:
+            name = identity.site if scope is _SITE else identity.component
             problem.cause = self.cause(scope, name) if robot is None else robot.many
             owner, key = problem.cause.problems, identity.severity
-        elif scope is Scope.CHECK:
+        elif scope is _CHECK:
             owner, key = robot.checks, identity.check
-        elif scope is Scope.ROBOT:
+        elif scope is _ROBOT:
             owner = robot.problems
         else:
             component = robot.components[ComponentName(identity.group, identity.component)]
             problem.component = component
             owner = component.problems
-            if scope is Scope.VALUE:
+            if scope is _VALUE:
                 owner, key = component.values, (identity.key, identity.bound, identity.state.value)
         problem.place = owner, key
         owner[key] = self.problems[identity] = problem
@@ -208,7 +212,7 @@ class Book:
     def judge(self, identity: Identity, verdict: Verdict, now: Instant) -> None:
         """Give a verdict on a problem, which is a new one if it fails and there was none."""
         problem = self.problems.get(identity)
-        if problem is None and verdict is Verdict.FAILING:
+        if problem is None and verdict is _FAILING:
             problem = self.new_problem(identity, now)
         if problem is not None:
             self.give_verdict(problem, verdict)
@@ -241,7 +245,7 @@ class Book:
     def note_presence(self, robot: RobotRecord) -> None:
         """Count the robot, or not, among those that a share of robots is a share of."""
         site = self.present.setdefault(robot.settings.site, set())
-        wanted = robot.presence is not Presence.NEVER and not robot.maintenance
+        wanted = robot.presence is not _NEVER and not robot.maintenance
         if wanted != (robot.name in site):
             (site.add if wanted else site.discard)(robot.name)
             self.touch_causes()
@@ -288,10 +292,10 @@ class Book:
 
         Or what is measured of a robot, that many of its components failed.
         """
-        if problem.identity.state is State.MANY and problem.robot is not None:
+        state = problem.identity.state
+        if state is _MANY and problem.robot is not None:
             return any(each.settings.depends_on for each in problem.robot.components.values())
-        is_presence = problem.identity.state in (State.SILENT, State.FLAPPING)
-        robots = [problem.robot] if problem.robot and is_presence else []
+        robots = [problem.robot] if problem.robot and state in _MAY_BE_UNREACHABLE else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]
         return any(robot.settings.uplink in self.robots for robot in robots)

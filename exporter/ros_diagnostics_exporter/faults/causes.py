@@ -238,6 +238,8 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
         return _number(book, cause.counted) + others.counted, (
             _number(book, cause.fresh) + others.fresh
         )
+    if 2 * len(robot.components) < needed:  # as on most robots: too few, whatever they are
+        return 0, 0
     lasting = [each for each in robot.components.values() if each.since or each.flapping]
     unplanned = _unplanned(robot, lasting, now)
     # What is planned begins no fault, and ends none.
@@ -284,8 +286,8 @@ def _needed(book: Book, cause: Cause) -> int:
         whole = _present(book, cause)
     # The tolerance keeps 0.1 of 30 at 3, whatever floating point makes of it.
     share = ceil(settings.share * whole - 1e-9)
-    needed = max(1, settings.number, share)
-    return needed if settings.absolute is None else min(needed, max(1, settings.absolute))
+    needed = max(settings.number, share)
+    return needed if settings.absolute is None else min(needed, settings.absolute)
 
 
 # -- of several exporters ----------------------------------------------------------------------

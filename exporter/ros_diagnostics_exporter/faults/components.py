@@ -154,12 +154,12 @@ def hold(book: Book, robot: RobotRecord, now: Instant) -> None:
     for problem in robot.checks.values():
         book.give_verdict(problem, Verdict.NO_DATA)
     for component in robot.components.values():
-        component.level = Level.STALE
+        component.level = _STALE
         for state, problem in component.problems.items():
-            if state is not State.FLAPPING:
-                book.give_verdict(problem, Verdict.NO_DATA)
+            if state is not _FLAPPING:
+                book.give_verdict(problem, _NO_DATA)
         for problem in component.values.values():
-            book.give_verdict(problem, Verdict.NO_DATA)
+            book.give_verdict(problem, _NO_DATA)
         causes.count_component(book, component, now)
         book.write(component)
     book.touched_causes[robot.many] = None
@@ -198,7 +198,7 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
         book.forget_changes(component)  # people know: warnings may have waited for their hours
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
-    if State.FLAPPING in component.problems:
+    if _FLAPPING in component.problems:
         book.touch(component.problems.values())  # as `report_level` has what is received
     book.write(component)
     if component.is_usual:
@@ -240,10 +240,10 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
     if problem is None and number < most:
         return
     is_fault = problem is not None and problem.fault is not None
-    lasts = is_fault and (2 * number >= most or level is not Level.OK)
-    verdict = Verdict.NO_DATA if lasts else Verdict.HEALTHY
+    lasts = is_fault and (2 * number >= most or level is not _OK)
+    verdict = _NO_DATA if lasts else _HEALTHY
     if number >= most:
-        verdict = Verdict.FAILING
+        verdict = _FAILING
     robot = component.robot.name
     identity = Identity(Scope.FLAPPING, _INTERMITTENT, "", robot, *component.name)
     book.judge(identity, verdict, now)

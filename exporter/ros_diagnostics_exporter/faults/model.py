@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from functools import cached_property
 from hashlib import sha256
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
@@ -420,12 +421,12 @@ class RobotSettings:
     presence_interval: float = 60.0
     boot_grace: float = 0.0
 
-    @property
+    @cached_property  # both are asked many times for each change, and labels stay as they are
     def site(self) -> str:
         """The site whose robots may fall silent together; "" is one too."""
         return self.labels.get("site", "")
 
-    @property
+    @cached_property
     def uplink(self) -> str:
         """The robot-like entry through which it is reached; "" where there is none."""
         return self.labels.get("uplink", "")

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant
 
+_SILENT, _PENDING, _FLAPPING, _CLOCK = State.SILENT, State.PENDING, State.FLAPPING, State.CLOCK
 _UP = 1  # a state of a robot's history, as DOWN
 
 
@@ -27,7 +28,7 @@ def fall_silent(
 
     ``since`` is its last message, from which the fault will be dated.
     """
-    problem = robot.problems.get(State.SILENT) or _add(book, robot, State.SILENT, since, now)
+    problem = robot.problems.get(_SILENT) or _add(book, robot, _SILENT, since, now)
     if problem.fault is None and since.wall < problem.since.wall:
         problem.since = since
     if robot.presence is Presence.SILENT:
@@ -38,7 +39,7 @@ def fall_silent(
         _note_absence(book, robot, now)
     problem.clock = now.mono
     book.give_verdict(problem, Verdict.ABSENT)
-    for state in (State.PENDING, State.CLOCK):
+    for state in (_PENDING, _CLOCK):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.NO_DATA)
     robot.presence = Presence.SILENT
@@ -50,11 +51,11 @@ def become_pending(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that a robot was never received, or hardly, and that none of its publishers is there."""
     robot.presence = Presence.NEVER
     components.hold(book, robot, now)
-    if State.SILENT in robot.problems:
-        book.give_verdict(robot.problems[State.SILENT], Verdict.NO_DATA)
+    if _SILENT in robot.problems:
+        book.give_verdict(robot.problems[_SILENT], Verdict.NO_DATA)
     if robot.declared:
-        pending = robot.problems.get(State.PENDING)
-        pending = pending or _add(book, robot, State.PENDING, now, now)
+        pending = robot.problems.get(_PENDING)
+        pending = pending or _add(book, robot, _PENDING, now, now)
         book.give_verdict(pending, Verdict.ABSENT)
     _note_presence(book, robot, now)
 
@@ -73,7 +74,7 @@ def come_back(book: Book, robot: RobotRecord, now: Instant, *, may_boot: bool) -
         robot.booted_until = now.mono + robot.settings.boot_grace
     book.timers.set(("returned", robot), robot.returned_until)
     await_time(book, robot, now)
-    for state in (State.SILENT, State.PENDING):
+    for state in (_SILENT, _PENDING):
         if state in robot.problems:
             book.give_verdict(robot.problems[state], Verdict.HEALTHY)
     for component in list(robot.components.values()):  # one that is at rest is dropped
@@ -172,7 +173,8 @@ def _note_presence(book: Book, robot: RobotRecord, now: Instant) -> None:
     book.note_presence(robot)
     causes.count_robot(book, robot, now)
     book.touched_causes[robot.many] = None
-    book.touched_robots[robot] = None
+    if robot.capabilities:
+        book.touched_robots[robot] = None
     book.write(robot)
 
 
@@ -191,11 +193,13 @@ def _note_return(book: Book, robot: RobotRecord, now: Instant) -> None:
     Only now it is clear what else fell silent with it.
     """
     before, robot.history_before = robot.history_before, None
-    silence = robot.problems.get(State.SILENT)
+    silence = robot.problems.get(_SILENT)
     if before is None or silence is None or robot.history is None:
         return
-    is_larger = suppression.is_explained(book, [silence], (Reason.SITE,), now)
-    is_larger |= suppression.is_unreachable(book, robot, now) or robot.explained_until > now.mono
+    site = book.causes.get((Scope.SITE, robot.settings.site))
+    is_larger = suppression.is_unreachable(book, robot, now) or robot.explained_until > now.mono
+    if site is not None and site.problems:
+        is_larger |= suppression.is_explained(book, [silence], (Reason.SITE,), now)
     if is_larger:
         robot.history = before
         before.decay(now.mono, robot.settings.presence_interval)
@@ -208,15 +212,15 @@ def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
     if history is None:
         return
     # While it is away it may be broken: that it no longer changes does not end what it had.
-    is_known = State.FLAPPING in robot.problems
+    is_known = _FLAPPING in robot.problems
     if is_known or history.ratio >= book.settings.flapping.start:  # of most neither
-        identity = Identity(Scope.ROBOT, State.FLAPPING, robot=robot.name)
+        identity = Identity(Scope.ROBOT, _FLAPPING, robot=robot.name)
         components.judge_flapping(book, history, identity, now, is_known=robot.up)
     if robot.flapping != was_flapping:
         touch_all(book, robot)
     if history.ratio > 0.0:
         due = history.last + robot.settings.presence_interval
-        book.timers.set(("presence", robot), due)
+        book.timers.set_at_latest(("presence", robot), due)  # too early: it is set again then
     elif history.slots[-1] == _UP:
         robot.history = None
 

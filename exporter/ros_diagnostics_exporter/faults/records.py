@@ -43,7 +43,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 _OK, _STALE = Level.OK, Level.STALE
 _HEALTHY = Verdict.HEALTHY
 _FLAPPING, _INTERMITTENT = State.FLAPPING, State.INTERMITTENT
-_VALUE = Scope.VALUE
+_VALUE, _ROBOT = Scope.VALUE, Scope.ROBOT
 SLOTS = 21
 DOWN = 0  # in the history of a robot that comes and goes: nothing is received of it
 _LOW_CURVE = 0.75
@@ -118,6 +118,9 @@ class Presence(str, Enum):
     NEVER = "never"
     SILENT = "silent"
     UP = "up"
+
+
+_UP = Presence.UP
 
 
 @dataclass(slots=True, eq=False, repr=False, kw_only=True)
@@ -228,7 +231,7 @@ class Problem(Subject):
             return self.component
         if self.capability is not None:
             return self.capability
-        is_presence = self.identity.scope is Scope.ROBOT and self.cause is None
+        is_presence = self.identity.scope is _ROBOT and self.cause is None
         return self.robot if is_presence and self.robot is not None else self
 
 
@@ -281,7 +284,7 @@ class ComponentRecord(Subject):
     @property
     def is_intermittent(self) -> bool:
         """Whether it is confirmed that it changes again and again."""
-        problem = self.problems.get(State.INTERMITTENT)
+        problem = self.problems.get(_INTERMITTENT)
         return problem is not None and problem.fault is not None
 
     @property
@@ -369,7 +372,7 @@ class RobotRecord(Subject):
     @property
     def up(self) -> bool:
         """Whether it is received."""
-        return self.presence is Presence.UP
+        return self.presence is _UP
 
     @property
     def flapping(self) -> bool:

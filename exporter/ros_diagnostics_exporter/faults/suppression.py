@@ -30,6 +30,8 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant
 
+_ABSENT, _FLAPPING, _SITE, _COMMON = Verdict.ABSENT, State.FLAPPING, Scope.SITE, Scope.COMMON
+_OF_LEVEL = (Scope.COMPONENT, Scope.FLAPPING)  # a component's, and how often that changes
 CLOCK_TOLERANCE = 0.001  # seconds by which a time that is computed by two clocks may be early
 # Of the robot itself rather than of a part of it: its silence suppresses none of them.
 _PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}
@@ -79,14 +81,15 @@ def why_not_begin(book: Book, problem: Problem, now: Instant) -> Suppression | N
 
 def _why_not_yet(book: Book, problem: Problem, now: Instant) -> Reason | None:
     """Why a problem that nothing explains does not begin now."""
-    robot, is_absent = problem.robot, problem.verdict is Verdict.ABSENT
+    is_absent = problem.verdict is _ABSENT
+    part_of = None if _is_presence(problem.identity) else problem.robot
     if problem.verdict is Verdict.NO_DATA:
         return Reason.NO_DATA
     if _may_flap(book, problem):
         return Reason.FLAPPING
     if is_absent and now.mono < book.grace_until:
         return Reason.RESTART
-    if is_absent and robot is not None and now.mono < _returned(problem, robot):
+    if is_absent and part_of is not None and now.mono < part_of.returned_until:
         return Reason.RETURNED
     if not (problem.is_critical or warnings_may_begin(book, now)):
         return Reason.HOURS
@@ -139,12 +142,7 @@ def _rests_on_reception(problem: Problem) -> bool:
     """Whether a problem may only mean that its robot is not reached."""
     if problem.component is None:
         return _is_presence(problem.identity)
-    return problem.component.settings.measured or problem.verdict is Verdict.ABSENT
-
-
-def _returned(problem: Problem, robot: RobotRecord) -> float:
-    """When (monotonic) what is absent of a robot that came back may begin."""
-    return 0.0 if _is_presence(problem.identity) else robot.returned_until
+    return problem.component.settings.measured or problem.verdict is _ABSENT
 
 
 def _may_flap(book: Book, problem: Problem) -> bool:
@@ -278,20 +276,20 @@ def edges(book: Book, problem: Problem, now: Instant) -> Iterator[Edge]:
         yield from _uplinks(book, robot)
     if _is_presence(problem.identity) and problem.identity.state is not State.PENDING:
         yield from _site(book, robot)
-    flaps = robot.problems.get(State.FLAPPING)
+    flaps = robot.problems.get(_FLAPPING)
     # What is freshly received of a robot that comes and goes is as true as of any other, and one
     # that stays away does not come and go.
     if (
         flaps is not None
         and flaps is not problem
-        and problem.verdict is Verdict.ABSENT
+        and problem.verdict is _ABSENT
         and not robot.stays_away(book.settings.flapping)
     ):
         yield Edge(Reason.ROBOT_FLAPPING, flaps, is_specific=True)
     if component is not None:
         yield from _depended_on(problem, component)
         yield from _of_itself(problem, component)
-    if problem.identity.scope in (Scope.COMPONENT, Scope.FLAPPING) and component is not None:
+    if problem.identity.scope in _OF_LEVEL and component is not None:
         yield from _many(robot)
         yield from _common(book, component.name.component)
     elif problem.capability is not None:
@@ -312,7 +310,7 @@ def _uplinks(book: Book, robot: RobotRecord | None) -> Iterator[Edge]:
 
 
 def _site(book: Book, robot: RobotRecord) -> Iterator[Edge]:
-    cause = book.causes.get((Scope.SITE, robot.settings.site))
+    cause = book.causes.get((_SITE, robot.settings.site))
     for problem in () if cause is None else cause.problems.values():
         yield Edge(Reason.SITE, problem)
 
@@ -323,7 +321,7 @@ def _many(robot: RobotRecord) -> Iterator[Edge]:
 
 
 def _common(book: Book, name: str) -> Iterator[Edge]:
-    cause = book.causes.get((Scope.COMMON, name))
+    cause = book.causes.get((_COMMON, name))
     for problem in () if cause is None else cause.problems.values():
         yield Edge(Reason.COMMON, problem)
 
@@ -337,7 +335,7 @@ def _common_to_all(book: Book, capability: CapabilityRecord) -> Iterator[Edge]:
 
 def _depended_on(problem: Problem, component: ComponentRecord) -> Iterator[Edge]:
     components = component.robot.components
-    states = _FAILURES if problem.verdict is Verdict.ABSENT else _FRESH_FAILURES
+    states = _FAILURES if problem.verdict is _ABSENT else _FRESH_FAILURES
     for name in component.settings.depends_on:
         other = components.get(ComponentName(*name))
         if other is not None:
@@ -348,7 +346,7 @@ def _depended_on(problem: Problem, component: ComponentRecord) -> Iterator[Edge]
 
 def _of_itself(problem: Problem, component: ComponentRecord) -> Iterator[Edge]:
     """What says more about the same component: that it flaps, or a fault of its level or value."""
-    identity, flaps = problem.identity, component.problems.get(State.FLAPPING)
+    identity, flaps = problem.identity, component.problems.get(_FLAPPING)
     if flaps is not None and flaps is not problem and identity.scope is not Scope.VALUE:
         yield Edge(Reason.FLAPPING, flaps, is_specific=True)
     worse: Iterable[Problem] = ()
