@@ -19,8 +19,8 @@ CHECKOUT = Path(__file__).parents[2]
 ORIGINAL = "#!/bin/sh\n# the administrator's\nexit 104\n"
 MARK = "# ./run installs: "
 BASICS = (
-    *("bash", "basename", "cat", "cksum", "cmp", "date", "dirname", "du", "flock", "grep", "head"),
-    *("ln", "mkdir", "sed", "sh", "sleep", "sort", "touch", "uname", "wc"),
+    *("bash", "basename", "cat", "cksum", "date", "dirname", "du", "find", "flock", "grep", "head"),
+    *("ln", "mkdir", "sed", "sh", "sha256sum", "sleep", "sort", "touch", "uname", "wc"),
 )
 CHANGING = ("chmod", "cp", "mv", "rm")  # where a killed installer leaves something unfinished
 # A fake program notes its call.
@@ -240,20 +240,29 @@ def test_each_library_is_there_once_and_headers_are_not(machine):
     machine.run("demo")
     environment = machine.checkout / ".venv"
     (environment / "include" / "fastdds").mkdir(parents=True)
-    (environment / "lib").mkdir()
-    for name, text in (("a.so", "a"), ("a.so.2", "a"), ("a.so.2.1", "a"), ("a.so.3", "b")):
-        (environment / "lib" / f"lib{name}").write_text(text)
+    packages = environment / "lib" / "python3.11" / "site-packages"
+    for name in ("one.libs", "two.libs", "zstandard"):
+        (packages / name).mkdir(parents=True)
+    library, *same = (
+        *(environment / "lib" / name for name in ("liba.so", "liba.so.2", "liba.so.2.1")),
+        *(packages / name / "liba-1.so.2" for name in ("one.libs", "two.libs")),
+    )
+    for file in (library, *same, packages / "one.py", packages / "two.py"):
+        file.write_text("a")
+    library.with_name("liba.so.3").write_text("b")
+    unused = packages / "zstandard" / "_cffi.cpython-311-x86_64-linux-gnu.so"
+    unused.write_text("c")
     with (machine.checkout / "pyproject.toml").open("a") as pyproject:
         pyproject.write("# so everything is installed once more\n")
 
     for _ in range(2):
         machine.run("demo")
 
-        library = environment / "lib" / "liba.so"
-        assert library.stat().st_nlink == 3
-        assert library.with_name("liba.so.2.1").samefile(library)
+        assert all(library.samefile(file) for file in same)
+        assert library.stat().st_nlink == 5
         assert library.with_name("liba.so.3").read_text() == "b"
         assert not (environment / "include").exists()
+        assert not unused.exists()
 
 
 def test_each_installation_says_what_it_installs(machine):
