@@ -121,7 +121,7 @@ class Book:
         if component.flaps is None or component.is_intermittent:
             return
         component.flaps.changed = ()
-        self.write(component)
+        self.written[component.row] = None
         if _INTERMITTENT in component.problems:
             self.give_verdict(component.problems[_INTERMITTENT], _HEALTHY)
 

@@ -32,7 +32,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 _OK, _WARN, _ERROR, _STALE = Level
 _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
-_CRITICAL = State.CRITICAL
+_CRITICAL, _SITE, _COMMON = State.CRITICAL, Scope.SITE, Scope.COMMON
 _OUT_OF_REACH = (Reason.UNREACHABLE, Reason.DEPENDS_ON)
 _BY_OTHERS = (*_OUT_OF_REACH, Reason.COMMON)
 
@@ -74,8 +74,8 @@ def _is_explained(
     if settings.measured and robot.cut_off_since is not None:
         return Reason.UNREACHABLE in reasons
     # Most components have nothing that could, and are counted at each change of their level.
-    name = (Scope.COMMON, component.name.component)
-    is_common = Reason.COMMON in reasons and name in book.causes
+    name = (_COMMON, component.name.component)
+    is_common = name in book.causes and Reason.COMMON in reasons
     is_absent = settings.measured or component.level is _STALE
     if not (settings.depends_on or is_common or (is_absent and robot.settings.uplink)):
         return False
@@ -141,7 +141,7 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         book.write(cause)
     cause.thinned = cause.thinned and cause.active is None
     if cause.active is not None or cause.problems:
-        _judge(book, cause, Verdict.FAILING if 2 * fresh >= needed else Verdict.NO_DATA, now)
+        _judge(book, cause, _FAILING if 2 * fresh >= needed else _NO_DATA, now)
     if cause.robot is None:
         drop_usual(book, cause)
 
@@ -189,17 +189,17 @@ def robots_of(book: Book, scope: Scope, name: str) -> list[RobotRecord]:
 
 def _judge(book: Book, cause: Cause, verdict: Verdict, now: Instant) -> None:
     """Pass the verdict on to the cause's problems, made where there are none yet."""
-    if cause.scope is Scope.SITE and verdict is Verdict.FAILING:
-        verdict = Verdict.ABSENT
+    if cause.scope is _SITE and verdict is _FAILING:
+        verdict = _ABSENT
     for severity, (applies, since) in _severities(cause, now).items():
         problem = cause.problems.get(severity)
-        if problem is None and applies is Verdict.FAILING and cause.active is not None:
+        if problem is None and applies is _FAILING and cause.active is not None:
             problem = book.new_problem(_identity(cause, severity), cause.active)
         if problem is None:
             continue
-        is_healthy = cause.active is None or applies is Verdict.HEALTHY
-        new = Verdict.HEALTHY if is_healthy else min(applies, verdict)
-        if cause.active is not None and new > Verdict.NO_DATA:
+        is_healthy = cause.active is None or applies is _HEALTHY
+        new = _HEALTHY if is_healthy else min(applies, verdict)
+        if cause.active is not None and new > _NO_DATA:
             problem.clock = max(cause.active.mono, since)
         book.give_verdict(problem, new)
 
@@ -278,7 +278,7 @@ def _needed(book: Book, cause: Cause) -> int:
     whole: float
     if cause.robot is not None:
         settings, whole = book.settings.many, cause.robot.total
-    elif cause.scope is Scope.SITE:
+    elif cause.scope is _SITE:
         settings, whole = book.settings.site, len(book.present.get(cause.name, ()))
     else:
         settings, whole = book.settings.common, sum(map(len, book.present.values()))

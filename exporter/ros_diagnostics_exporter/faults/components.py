@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
 _OK, _WARN, _ERROR, _STALE = Level
+_COMPONENT = Scope.COMPONENT
 _CRITICAL, _FLAPPING, _INTERMITTENT = State.CRITICAL, State.FLAPPING, State.INTERMITTENT
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
@@ -79,16 +80,14 @@ def of_value(
     return Verdict.HEALTHY if good else Verdict.FAILING
 
 
-def judge_flapping(
-    book: Book, history: FlapHistory, identity: Identity, now: Instant, *, is_known: bool = True
-) -> None:
-    """Judge how often it changes; unless ``is_known``, that it no longer does ends nothing."""
-    settings, problem = book.settings.flapping, book.problems.get(identity)
-    flaps = problem is not None and problem.verdict is not _HEALTHY
-    verdict = _HEALTHY if is_known else _NO_DATA
+def of_changes(
+    book: Book, history: FlapHistory, problem: Problem, *, is_known: bool = True
+) -> Verdict:
+    """The verdict on how often it changes; unless ``is_known``, rest is no end of it."""
+    settings, flaps = book.settings.flapping, problem.verdict is not _HEALTHY
     if history.ratio >= (settings.stop if flaps else settings.start):
-        verdict = _FAILING
-    book.judge(identity, verdict, now)
+        return _FAILING
+    return _HEALTHY if is_known else _NO_DATA
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -135,7 +134,7 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             # A CRITICAL counts from when it turned so: one that got better and worse again is
             # another fault, which no acknowledgement of the first one holds.
             since = now if state is _CRITICAL else component.since
-            identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
+            identity = Identity(_COMPONENT, state, "", component.robot.name, *component.name)
             problem = book.new_problem(identity, since)
             problem.by_setting = state is _CRITICAL
         if component.since is not None:
@@ -252,10 +251,12 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 def _judge_flapping(
     book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
 ) -> None:
-    robot, is_known = component.robot, _FLAPPING in component.problems
-    if is_known or flaps.ratio >= book.settings.flapping.start:  # of most changes neither
-        identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
-        judge_flapping(book, flaps, identity, now)
+    robot, problem = component.robot, component.problems.get(_FLAPPING)
+    if problem is not None or flaps.ratio >= book.settings.flapping.start:  # of most neither
+        if problem is None:
+            identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
+            problem = book.new_problem(identity, now)
+        book.give_verdict(problem, of_changes(book, flaps, problem))
         book.touched_causes[robot.many] = None
     wake(book, component)
 

@@ -279,7 +279,7 @@ class ComponentRecord(Subject):
 
     def has_time(self, now: Instant) -> bool:
         """Whether its trouble is to be over by itself: it boots, or what feeds it is just back."""
-        return now.mono < max(self.boots_until, self.returns_until)
+        return now.mono < self.boots_until or now.mono < self.returns_until
 
     @property
     def is_intermittent(self) -> bool:
