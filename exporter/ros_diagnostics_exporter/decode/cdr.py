@@ -12,6 +12,8 @@ time is decoded later. Pure: knows no ROS and no clock.
 
 from __future__ import annotations
 
+import sys
+from array import array
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
@@ -127,6 +129,7 @@ class Decoder:
         at += 4
         before = self._before
         decoded: list[_Decoded] = []
+        words: Sequence[int] = ()
         for index in range(count):
             begin, head = at, 0
             if index < len(before):
@@ -147,9 +150,10 @@ class Decoder:
                 ((name, message),), at = _pairs(data, at + 1, 1, number)
                 hardware_id, at = _text(data, at, number)
                 head = at - begin
+            words = words or _words(data)
             values_at = (at + 3 & -4) + 4
-            (pairs,) = number(data, values_at - 4)
-            at = _behind(data, values_at, 2 * pairs, number)
+            pairs = words[values_at // 4 - 1]
+            at = _behind(words, values_at, 2 * pairs) if pairs else values_at
             raw = data[begin:at]
             values = KeyValues(raw, values_at - begin, begin & 3, pairs, number) if pairs else ()
             status = Status(level, name, message, hardware_id, values)
@@ -174,12 +178,23 @@ def _text(data: bytes, at: int, number: _Unpack) -> tuple[str, int]:
     return _until_zero(data[at : end - 1]) if end - at > 1 else "", end
 
 
-def _behind(data: bytes, at: int, count: int, number: _Unpack) -> int:
-    """The offset behind so many texts from an offset on."""
-    for _ in range(count):
-        at = (at + 3 & -4) + 4
-        at += number(data, at - 4)[0]
-    return at
+def _words(data: bytes) -> Sequence[int]:
+    """All numbers that a message may have where one begins, which is at each fourth byte."""
+    words = array("I", data[: len(data) & -4])
+    if data[1] != (sys.byteorder == "little"):
+        words.byteswap()
+    return words
+
+
+def _behind(words: Sequence[int], at: int, count: int) -> int:
+    """The offset behind so many texts, at least one, from an offset on.
+
+    Only their lengths are looked at: a third of what decoding costs, where every value changed.
+    """
+    word = at // 4
+    for _ in range(count - 1):
+        word += words[word] + 7 >> 2
+    return 4 * word + 4 + words[word]
 
 
 def _pairs(

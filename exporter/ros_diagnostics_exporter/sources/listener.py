@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.sources.receiver import Receiver
 from ros_diagnostics_exporter.sources.reception import Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
     free_large_blocks_at_once,
+    leave_out_generator,
     use_log_folder,
     use_profiles,
 )
@@ -142,6 +143,7 @@ class Listener:
             return ZenohNetwork(zenoh, self._receiver, self.count, self.poll_interval)
         if not isinstance(domain, int):
             raise TypeError("zenoh has no settings")
+        leave_out_generator()
         use_profiles(os.environ, Path())
         self._log_folder = self._log_folder or use_log_folder(os.environ)
         return DdsDomain(domain, self.ros_arguments, self._receiver, self.count, self.poll_interval)

@@ -12,12 +12,14 @@ import sys
 from collections.abc import Iterable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
+from typing import Any
 
 RMW_VARIABLE = "RMW_IMPLEMENTATION"
 # Fast DDS 3, which is Kilted's and later ones', and Fast DDS 2 each read the name of theirs only.
 PROFILES_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 M_MMAP_THRESHOLD = -3  # of malloc.h
 LARGE = 256 << 10  # bytes of a block
+NOT_TO_BE_FOUND: Any = None  # in the place of a module: its import fails
 QOS_VARIABLE = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 PROFILES_FILES = ("DEFAULT_FASTDDS_PROFILES.xml", "DEFAULT_FASTRTPS_PROFILES.xml")
 
@@ -76,6 +78,14 @@ def free_large_blocks_at_once() -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(M_MMAP_THRESHOLD, LARGE)
+
+
+def leave_out_generator() -> None:
+    """Have ROS not import what generates the classes of messages, and a parser for that: 8 MB.
+
+    Messages do without, as where it is not installed.
+    """
+    sys.modules.setdefault("rosidl_generator_py.generate_py_impl", NOT_TO_BE_FOUND)
 
 
 def ros_distribution(environment: Mapping[str, str], packages: Iterable[str]) -> str:

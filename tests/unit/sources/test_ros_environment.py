@@ -117,3 +117,18 @@ print(kilobytes() - before)
 )
 def test_what_large_messages_needed_is_returned_to_the_system(whose, least, most):
     assert least <= int(called([sys.executable, "-c", FREED, whose]).stdout) <= most
+
+
+def test_ros_reads_messages_without_what_generates_their_classes():
+    program = """
+import sys
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message, serialize_message
+from ros_diagnostics_exporter.sources.ros_environment import leave_out_generator
+
+leave_out_generator()
+array = DiagnosticArray()
+assert deserialize_message(serialize_message(array), DiagnosticArray) == array
+print({"lark", "em"} & sys.modules.keys())
+"""
+    assert called([sys.executable, "-c", program]).stdout == "set()\n"
