@@ -64,7 +64,7 @@ class Components:
     _waiting: dict[Component, str] = field(default_factory=dict)  # for another name, in this group
     # Arrays alone, which have all that is published.
     last_array: float = -inf  # when it was received, monotonic
-    arrays_since: float = -inf  # when they came again, monotonic
+    arrays_since: float = -inf  # when they came again, or were no longer lost, monotonic
     has_arrays: bool = False  # since the robot was silent
     _is_lossy: bool = False  # so are too many of its messages that say nothing
     unread: Container[str] = frozenset()  # components of fields whose topics are not read
@@ -386,10 +386,10 @@ class Components:
     def follow_reading(self, now: Instant, *, lossy: bool, unread: Container[str]) -> None:
         """Have what is STALE judged again, as too many messages are lost or no longer are.
 
-        What is published only on a change may have been published again, and lost or not read: its
-        time to end begins anew.
+        What is published only on a change may have been, and not read: its time begins anew.
         """
         was_unread = {each for each in self if each.is_on_change and self._is_unread(each)}
+        self.arrays_since = now.mono if self._is_lossy else self.arrays_since
         self._is_lossy, self.unread = lossy, unread
         for component in self:
             if component.is_stale:

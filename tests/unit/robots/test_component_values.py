@@ -89,16 +89,17 @@ def test_a_number_is_scaled_before_the_offset_is_added():
     assert driver.sample("component_value", key="Temperature") == pytest.approx(25.0)
 
 
-def test_a_plain_number_is_served_in_the_digits_of_its_driver():
+@pytest.mark.parametrize("beside", [(), (("Mode", "docked"),)])
+def test_a_plain_number_is_served_in_the_digits_of_its_driver(beside):
     driver = StateDriver()
     served = []
-    for text in ("12.50", "7", "1e3"):  # known first, then changed; the last one is not plain
-        driver.raw(Status(OK, "Motor", values=(("Temperature", text),)))
+    for text in ("12.50", "7.10", "1e3"):  # known first, then changed; the last one is not plain
+        driver.raw(Status(OK, "Motor", values=(("Temperature", text), *beside)))
         of_values = re.search(
             rb"\nros_diagnostics_component_value{.*} (.*)\n", driver.exposition.render()
         )
         served.append(of_values[1])
-    assert served == [b"12.50", b"7", b"1000.0"]
+    assert served == [b"12.50", b"7.10", b"1000.0"]
 
 
 @pytest.mark.parametrize("bound", ["low", "high"])

@@ -128,12 +128,22 @@ def test_a_robot_that_is_back_ends_nothing_before_its_condition_is_known(driver_
     ]
 
 
-def test_a_component_that_is_stale_is_not_suppressed_by_its_own_values(driver_of):
-    driver = driver_of("components: [{match: Charger, when: {key: State, equals: idle}}]")
+OWN = "{key: State, equals: idle}"
+
+
+@pytest.mark.parametrize(
+    ("when", "is_suppressed"),
+    [(OWN, False), (f"[{OWN}, {{component: Battery, level: ERROR}}]", True)],
+)
+def test_a_component_that_is_stale_is_not_suppressed_by_its_own_values(
+    driver_of, when, is_suppressed
+):
+    driver = driver_of(f"components: [{{match: Charger, when: {when}}}]")
     driver.stand(SETTLED, FULL, charger("idle"))
     assert driver.stand(20, FULL, charger("charging", ERROR)).fault_names() == set()
     driver.stand(60, FULL, charger("", STALE))
-    assert driver.fault_names() == {("component", "stale", "r", "Charger")}
+    stale = {("component", "stale", "r", "Charger")}
+    assert driver.fault_names() == (set() if is_suppressed else stale)
 
 
 def test_stale_is_planned_while_the_condition_of_another_component_says_so(driver_of):

@@ -83,6 +83,12 @@ def test_what_the_network_keeps_from_us_is_not_forgotten():
     assert driver.at(1_000).robot.silent_reason == "wrong_type"
 
 
+def test_a_newcomer_that_was_received_for_a_moment_stays_while_its_publisher_is_there():
+    driver = discovered().raw(MOTOR)
+    driver.robot.is_newcomer = True
+    assert driver.at(700).fault_names() == {("robot", "silent", "r")}
+
+
 def test_a_discovered_robot_that_never_publishes_is_forgotten_when_its_publisher_is_long_gone():
     driver = discovered()
     assert driver.at(500).robot.silent_reason == "mute"

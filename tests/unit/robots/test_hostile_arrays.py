@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
     Limits,
+    Profile,
     Robot,
     Shared,
     Source,
@@ -44,8 +45,9 @@ AGG = Topic(0, "/r/diagnostics_agg")
 RAW = Topic(0, "/r/diagnostics")
 
 
-def bounded_story(**limits: int) -> StateDriver:
-    robot = Robot("r", topic_agg=AGG.name, topic_raw=RAW.name, source=Source.BOTH)
+def bounded_story(*rules: ValueRule, **limits: int) -> StateDriver:
+    topics = {"topic_agg": AGG.name, "topic_raw": RAW.name}
+    robot = Robot("r", source=Source.BOTH, profile=Profile(values=rules), **topics)
     return StateDriver(fleet=Fleet("f", (robot,), limits=Limits(**limits)))
 
 
@@ -113,11 +115,13 @@ def test_a_component_keeps_as_many_key_values_as_the_limits_allow(caplog):
 
 
 def test_keys_that_are_invented_without_end_are_not_remembered_without_end():
-    driver = bounded_story(values=50)
-    for number in range(40):
-        pairs = tuple((f"key {number} {each}", "1 V") for each in range(50))
-        send(driver, RAW, Status(OK, "Motor", "", "", pairs))
-    assert len(driver.component("Motor").values._units) <= 100
+    driver = bounded_story(ValueRule(key=re.compile("Charge")), values=50)
+    remembered = []
+    for number in range(250):
+        send_and_read(driver, Status(OK, "Motor", values=((f"key {number}", "1 V"),)))
+        values = driver.component("Motor").values
+        remembered.append((len(values._units), len(values._rules)))
+    assert [max(each) for each in zip(*remembered, strict=True)] == [100, 100]
 
 
 def test_a_long_key_is_read_and_not_remembered():

@@ -66,6 +66,7 @@ def test_one_that_is_forgotten_says_first_how_often_it_changed():
     assert [each.after for each in levels(driver)[-2:]] == ["OK", "forgotten"]
 
 
-def test_an_event_of_a_level_has_the_first_200_characters():
-    driver = StateDriver().raw(Status(ERROR, "Motor", "x" * 4_000))
-    assert levels(driver)[0].message == "x" * 200 + "…"
+@pytest.mark.parametrize(("length", "more"), [(200, ""), (201, "…"), (4_000, "…")])
+def test_an_event_of_a_level_has_the_first_200_characters(length, more):
+    driver = StateDriver().raw(Status(ERROR, "Motor", "x" * length))
+    assert levels(driver)[0].message == "x" * 200 + more

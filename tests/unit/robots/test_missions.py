@@ -37,6 +37,8 @@ def test_as_many_as_are_too_many_have_to_succeed_in_a_row(mission):
 
 def test_aborted_goals_are_over_after_their_time(mission):
     assert mission.run(DOCK, ABORTED).stand(590).level(DOCK) == ERROR
+    missions, now = mission.driver.robot.missions, mission.driver.now.mono
+    assert now + 9 < missions.due < now + 11  # it is not judged all the time
 
     assert mission.stand(15).level(DOCK) == OK
 

@@ -239,6 +239,24 @@ def test_what_else_keeps_its_robot_up_does_not_count_towards_its_end():
     assert ("component", "critical", "r", "rosserial") not in fields.fault_names()
 
 
+@pytest.mark.parametrize("is_adopted", [False, True], ids=["received", "adopted"])
+def test_what_may_have_been_lost_does_not_count_towards_its_end(is_adopted):
+    """It may have been published again."""
+    driver = once(ENDS)
+    stand(driver, 500)
+    if is_adopted:  # by a process that only knows that it fires
+        received, driver = driver, StateDriver(fleet=driver.state.fleet)
+        driver.now = received.now
+        driver.state.adopt(received.state.faults(), driver.now)
+        stand(driver, 500)
+    for lossy, seconds in ((True, 800), (False, 590 + START * is_adopted)):
+        driver.robot.set_reading(driver.now, lossy=lossy, unread=())
+        stand(driver, seconds)
+        assert driver.fault_names() == CRITICAL
+    stand(driver, 20)
+    assert driver.fault_names() == set()
+
+
 def test_the_minute_after_a_return_does_not_count_towards_its_end():
     """Its driver may not have started yet."""
     driver = once(replace(ENDS, ends_after=30.0))
