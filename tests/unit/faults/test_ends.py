@@ -61,6 +61,8 @@ def test_the_end_of_a_fault_is_kept_for_an_hour_after_it_was_served_and_over_res
     assert ends(last.faults) == known  # nobody has asked
 
     last.reborn(50_000)
+    last.faults.forget("no such", last.at(50_000))
+    known.append(("no such", "removed", 50_000.0))
     last.faults.note_served(last.at(50_000))
     last.go(53_599)
     assert ends(last.faults) == known
