@@ -101,14 +101,21 @@ def _prepare_robot(
         component = _component(book, robot, ComponentName(identity.group, identity.component))
         if identity.scope is Scope.COMPONENT:
             component.since = component.since or since
-        elif identity.state is State.INTERMITTENT and component.flaps is None:
-            component.flaps = FlapHistory([Level.OK] * SLOTS, now.mono)
-            component.flaps.changed = (now.mono,) * book.settings.intermittent.changes
-            components.wake(book, component)
-        elif identity.scope is Scope.FLAPPING and component.flaps is None:
-            component.flaps = _restless(now, Level.OK, Level.ERROR)
-            components.wake(book, component)
+        elif identity.scope is Scope.FLAPPING:
+            _prepare_flaps(book, component, identity.state, now)
         book.write(component)
+
+
+def _prepare_flaps(book: Book, component: ComponentRecord, state: State, now: Instant) -> None:
+    """Have it change as it did: with fewer changes, the first message would end the fault."""
+    flaps = component.flaps or FlapHistory([Level.OK] * SLOTS, now.mono)
+    changed = flaps.changed
+    if state is State.INTERMITTENT:
+        changed = (now.mono,) * book.settings.intermittent.changes
+    else:
+        flaps = _restless(now, Level.OK, Level.ERROR)
+    component.flaps, flaps.changed = flaps, changed
+    components.wake(book, component)
 
 
 def _component(book: Book, robot: RobotRecord, name: ComponentName) -> ComponentRecord:

@@ -199,12 +199,22 @@ def test_what_was_adopted_in_the_restart_grace_is_served_once_confirmed_and_late
         assert served(last.faults) == expected
 
 
-def test_an_intermittent_fault_goes_on_for_its_time_once_its_component_is_received():
-    last = fresh("r1")
-    adopt(last, 1, Identity(Scope.FLAPPING, State.INTERMITTENT, robot="r1", component="motor"))
-    changes = last.go(100, back("r1", level("motor", OK)))
-    assert texts(changes + last.go(699)) == []
-    assert texts(last.go(700)) == ["recovered flapping/intermittent r1 motor"]
+@pytest.mark.parametrize("levels", [(), (ERROR, OK)], ids=["never received", "received"])
+@pytest.mark.parametrize(
+    "states",
+    ["flapping", "intermittent", "flapping intermittent", "intermittent flapping"],
+)
+def test_a_component_that_changed_comes_to_rest_in_time(states, levels):
+    last, begin = fresh("r1"), 10.0 if levels else 100.0
+    for second, each in enumerate(levels):
+        last.go(second + 1, back("r1", level("motor", each)))
+    motor = MOTOR._replace(scope=Scope.FLAPPING)
+    adopt(last, 10, *(motor._replace(state=State(each)) for each in states.split()))
+    assert texts(last.go(100, back("r1", level("motor", OK)))) == []
+    for state, seconds in (("flapping", 240), ("intermittent", 600)):
+        if state in states:
+            assert texts(last.go(begin + seconds - 1)) == []
+            assert texts(last.go(begin + seconds)) == [f"recovered flapping/{state} r1 motor"]
 
 
 def test_a_robot_that_flapped_comes_to_rest_in_time():
