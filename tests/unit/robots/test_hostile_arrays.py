@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.decode.cdr import decode
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate, truncate_array
 from ros_diagnostics_exporter.robots.marks import Mark
@@ -36,6 +37,7 @@ from ros_diagnostics_exporter.robots.rejections import (
 )
 from ros_diagnostics_exporter.robots.values import _MAX_CACHED_KEY, _describe, parse_numbers
 from support.state_driver import ERROR, OK, StateDriver, tree
+from virtual_robots.recording.cdr import encode_array
 
 EXPORTER = Path(ros_diagnostics_exporter.__file__).parent
 RUNBOOK = Path(__file__).parents[3] / "docs/alerts/RosDiagnosticsLimitHit.md"
@@ -82,8 +84,15 @@ def test_a_text_without_end_is_cut_wherever_it_stands_and_said_once(status, capl
 
 
 def test_an_array_of_usual_texts_is_taken_as_it_is():
-    array = Array(0.0, (Status(OK, *["x" * MAX_TEXT] * 3),), 3 * MAX_TEXT)
+    text = "x" * MAX_TEXT
+    array = Array(0.0, (Status(OK, text, text, text, ((text, text),)),), 5 * MAX_TEXT)
     assert truncate_array(array) is array
+
+
+def test_a_long_text_in_a_message_as_it_comes_is_cut():
+    array = decode(encode_array([Status(OK, "Motor", values=(("Level", LONG),))], 0.0))
+    ((_key, text),) = truncate_array(array).statuses[0].values
+    assert len(text) == MAX_TEXT
 
 
 def test_half_a_character_is_replaced_and_whole_ones_are_kept():

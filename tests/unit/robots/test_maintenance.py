@@ -12,8 +12,8 @@ HALL = {"site": (re.compile("hall"),)}
 WINDOWS = (
     Maintenance("first", HALL, "c", start=100.0, end=200.0),
     Maintenance("second", HALL, "c", start=200.0, end=300.0),
-    Maintenance("for ever", {"robot": (re.compile("r2"),)}, "c", start=1_000.0),
-    Maintenance("first hour", {"robot": (re.compile("r3"),)}, "c", weekly=((3, 0, 60),)),
+    Maintenance("for ever", {"robot": (re.compile("r2|r4"),)}, "c", start=1_000.0),
+    Maintenance("first hour", {"robot": (re.compile("r3|r4"),)}, "c", weekly=((3, 0, 60),)),
 )
 PLANNED = [
     Downtime("r", "", 300.0, 400.0, "ann", "c"),
@@ -30,6 +30,7 @@ PLANNED = [
         ("r", 400.0, 400.0),
         ("r2", 1_000.0, None),
         ("r3", 1_800.0, 3_600.0),  # on a Thursday
+        ("r4", 1_800.0, None),
         ("r3", 604_800 * 50 + 1_800.0, 604_800 * 50 + 3_600.0),
     ],
 )

@@ -99,12 +99,15 @@ def test_each_report_begins_the_time_anew():
     assert driver.fault_names() == set()
 
 
+@pytest.mark.parametrize("reloaded", [False, True])
 @pytest.mark.parametrize("reported", [ERROR, OK])
-def test_silence_of_its_robot_changes_nothing(reported):
+def test_silence_of_its_robot_changes_nothing(reported, reloaded):
     driver = once(RULE, status=SERIAL._replace(level=reported))
     stand(driver, 12)
     before, shown = driver.fault_names(), level(driver)
     driver.wait(120)
+    if reloaded:  # by this it was not silent
+        driver.follow_profile(Profile(components=(RULE,), stale_after=600.0))
     assert level(driver)[0] == "STALE"
     stand(driver, 120)
     assert (driver.fault_names(), level(driver)) == (before, shown)

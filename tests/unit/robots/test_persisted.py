@@ -3,11 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import Profile, Source
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Instant, Status
 from ros_diagnostics_exporter.robots.persisted import ROBOT
 from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
 
@@ -54,6 +55,24 @@ def test_a_reload_before_the_first_array_is_no_change(tmp_path: Path):
     assert [(each.level, each.since) for each in (motor, arm)] == [(OK, WALL), (ERROR, WALL)]
     assert "level" not in [each.kind for each in later.events[len(events) :]]
     assert [each.changes for each in later.robot.components] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ('"level": 2', '"level": -1'),
+        ('"level": 2', '"level": 4'),
+        ('"reported": 2', '"reported": 256'),
+        ('"domain_id": 0', '"domain_id": 233'),
+        ('"source": "raw"', '"source": "none of these"'),
+    ],
+)
+def test_a_row_of_which_something_cannot_be_is_not_read(right, wrong):
+    text = StateDriver().raw(ARM).robot.persist(Instant(0.0, WALL)).as_json()
+    assert ROBOT.validate_json(text)
+    assert right in text
+    with pytest.raises(ValueError, match="validation error"):
+        ROBOT.validate_json(text.replace(right, wrong))
 
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=300)

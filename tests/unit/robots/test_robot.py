@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.model import Endpoint, Status
 from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.link import LinkReading
-from ros_diagnostics_exporter.sources.robot_graph import GROUP
+from ros_diagnostics_exporter.sources.robot_graph import GRAPH, GROUP
 from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, WALL, WARN, StateDriver, tree
 
 # -- history --------------------------------------------------
@@ -180,6 +180,7 @@ def test_an_aggregator_that_repeats_a_stale_item_for_ever_does_not_keep_it_alive
     for second in range(1, 30):
         driver.at(second)
         driver.agg(*tree(Motor=[HOT._replace(level=STALE)]))
+        assert driver.level("Motor 1") == STALE
 
     motor = driver.component("Motor 1")
     assert (motor.level, motor.before_stale, motor.message) == (STALE, ERROR, "Hot")
@@ -415,6 +416,7 @@ def test_only_what_has_ros_falls_silent():
     assert driver.robot.next_tick == driver.robot.components.next_late
     assert measure(ERROR) is True
     configure(driver, source=Source.RAW)
+    assert driver.robot.next_tick == driver.now.mono + driver.robot.settings.profile.stale_after
     driver.robot.tick(driver.now._replace(mono=1_000.0))
     assert not driver.robot.up
     configure(driver, source=Source.QUERIES)
@@ -432,6 +434,16 @@ def test_what_an_array_of_the_aggregator_lacks_is_missing_until_one_has_it():
 def test_what_the_ros_graph_shows_is_known_by_its_group():
     of_graph = [is_of_graph(("node", group, "")) for group in (f"query:{GROUP}", "query:x", GROUP)]
     assert of_graph == [True, False, False]
+
+
+def test_what_a_query_measured_goes_with_it_and_what_the_ros_graph_shows_stays():
+    driver = StateDriver().raw(MOTOR)
+    ping = Query("x", "ping", robot="robot")
+    driver.configure(queries=(ping,)).robot.measure(GRAPH, (Status(OK, "node"),), driver.now)
+    driver.state.receive_answer(ping.feed, {"r": (Status(OK, "ping"),)}, driver.now)
+    names = [each.name for each in driver.robot.components]
+    assert names == ["Motor 1", "node", "ping"]
+    assert [each.name for each in driver.configure(queries=()).robot.components] == names[:-1]
 
 
 def test_a_component_that_reports_no_more_is_shown_with_what_it_reported_last():

@@ -112,6 +112,13 @@ def test_of_those_that_nothing_tells_apart_the_worse_counts_and_that_is_said(cap
     assert component.trouble_text == "scanning"
 
 
+def test_what_one_of_them_said_once_counts_for_as_long_as_a_slow_one_may_take():
+    nodes, same = Nodes("a", "b"), LEFT._replace(hardware_id="")
+    nodes.stand(30, same, None).stand(1, same, same._replace(level=ERROR))
+    assert nodes.stand(85, same, None).driver.level("lidar: Status") == ERROR
+    assert nodes.stand(10, same, None).driver.level("lidar: Status") == OK
+
+
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
     nodes, same = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="b")
     nodes.stand(30, same, same)
