@@ -83,10 +83,16 @@ def test_what_the_network_keeps_from_us_is_not_forgotten():
     assert driver.at(1_000).robot.silent_reason == "wrong_type"
 
 
-def test_a_newcomer_that_was_received_for_a_moment_stays_while_its_publisher_is_there():
+@pytest.mark.parametrize("publishers", [1, 0])
+def test_a_newcomer_that_was_received_for_a_moment_is_a_fault_while_its_publisher_is_there(
+    publishers,
+):
     driver = discovered().raw(MOTOR)
     driver.robot.is_newcomer = True
-    assert driver.at(700).fault_names() == {("robot", "silent", "r")}
+    driver.state.update_graph(0, {RAW: Endpoint(publishers)}, driver.now)
+    silent = {("robot", "silent", "r")} if publishers else set()
+    assert driver.at(700).fault_names() == silent
+    assert bool(driver.state.robots) is bool(publishers)
 
 
 def test_a_discovered_robot_that_never_publishes_is_forgotten_when_its_publisher_is_long_gone():

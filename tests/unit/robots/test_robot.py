@@ -386,11 +386,15 @@ def configure(driver: StateDriver, **settings: object) -> None:
 
 
 def test_another_profile_counts_at_once_for_what_was_reported_last():
-    driver = StateDriver().raw(HOT, LASER)
-    rules = (ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),)
+    driver = StateDriver().raw(Status(OK, "Fan"), HOT, LASER)
+    rules = (
+        ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),
+        ComponentRule(re.compile("Fan"), ignore=True),
+    )
     configure(driver, profile=Profile(components=rules))
 
-    assert [driver.level(name) for name in ("Motor 1", "Laser 1")] == [WARN, OK]
+    levels = [(each.name, each.level) for each in driver.robot.components]
+    assert levels == [("Motor 1", WARN), ("Laser 1", OK)]
 
 
 def test_what_the_network_shows_is_of_its_topics():

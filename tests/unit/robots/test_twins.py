@@ -277,11 +277,15 @@ def test_so_are_their_values(tmp_path):
     assert (nodes.stand(60, full, low).faults, recovered(nodes.driver)) == (found, [])
 
 
-def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse():
-    rule = ComponentRule(re.compile("lidar"), levels={ERROR: OK})
+@pytest.mark.parametrize(
+    ("levels", "of_a", "of_b", "worse"),
+    [({}, ERROR, STALE, "critical"), ({ERROR: OK}, ERROR, WARN, "warning")],
+)
+def test_what_fleet_yml_makes_of_their_levels_says_which_is_worse(levels, of_a, of_b, worse):
+    rule = ComponentRule(re.compile("lidar"), levels=levels)
     nodes, same = Nodes("a", "b", components=(rule,)), LEFT._replace(hardware_id="")
-    nodes.stand(60, same._replace(level=ERROR), same._replace(level=WARN))
-    assert nodes.faults == {("component", "warning", "r", "lidar", "lidar: Status")}
+    nodes.stand(60, same._replace(level=of_a), same._replace(level=of_b))
+    assert nodes.faults == {("component", worse, "r", "lidar", "lidar: Status")}
 
 
 def test_the_latest_counts_where_publishers_have_names_no_more():
