@@ -5,6 +5,7 @@ import pytest
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.goals import ABORTED, EXECUTING, SUCCEEDED, Goal
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
+from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.sources.action_servers import GOALS_TYPE, MOST, STATUS
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
 from support.goal_lists import encode_goals
@@ -56,6 +57,15 @@ def test_bytes_that_are_no_list_of_goals_are_left_out(mission):
     mission.driver.state.receive_goals(0, topic(GOTO), b"\0\1\0\0\7", mission.driver.now)
 
     assert mission.driver.sample("goals_running", action=GOTO) == 1
+
+
+def test_a_list_of_the_same_goals_changes_nothing(mission):
+    marks = mission.begin(GOTO).driver.robot.marks
+    before = marks.last(Mark.GOALS)
+    mission.send(GOTO)
+    assert marks.last(Mark.GOALS) == before
+    mission.end(GOTO, SUCCEEDED)
+    assert marks.last(Mark.GOALS) > before
 
 
 def test_goals_that_are_no_mission_and_all_beyond_ten_a_minute_are_only_counted(mission):
