@@ -621,6 +621,14 @@ def test_what_fires_and_is_not_repeated_for_its_ends_after_ends():
     assert after.raw_every(1, begin + 125, LASER).fault_names() == set()
 
 
+def test_what_is_late_as_another_lapses_is_no_fault_before_an_array_lacks_it():
+    rules = (ComponentRule(re.compile("Bumper"), reports="on_change", ends_after=5.0),)
+    driver = settled(BUMPED, MOTOR, components=rules, stale_after=120.0).raw(BUMPED, MOTOR)
+    assert driver.wait(100).level("Motor") == STALE
+    assert driver.fault_names() == set()
+    assert driver.stand(20, LASER).fault_names() == {("component", "stale", "r", "Motor")}
+
+
 def fleet_of_found(number: int) -> StateDriver:
     """A driver of robots of one site that are found by their topics: so many, of r0 on."""
     discovery = Discovery(
