@@ -183,3 +183,17 @@ def test_nor_is_what_is_common_to_many_robots():
         robots=robots,
         settings=FaultSettings(common=CauseSettings(3, 0.5)),
     )
+
+
+def test_nor_is_what_changes_while_that_is_a_fault():
+    robots = ["r1", "r2", "r3", "r4"]
+    play(
+        (0, on_robots(robots[1:], level, "motor", ERROR)),
+        (10, None, "began common/critical motor"),
+        *flick(20),
+        (100, on_robots(robots[1:], level, "motor", OK), "recovered common/critical motor"),
+        *flick(300),
+        (1000, None),
+        robots=robots,
+        settings=FaultSettings(common=CauseSettings(3, 0.5)),
+    )
