@@ -41,7 +41,7 @@ from ros_diagnostics_exporter.model import (
     Stream,
     Topic,
 )
-from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_statuses
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.missions import ACTIONS
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -75,9 +75,10 @@ class FleetState(WatchedFleet):
             self.recorder(Stream(topic), array.raw, now)
         original = array
         if array.size > MAX_TEXT:  # else no text of it is longer than that
-            array = truncate_array(array)  # without the lock: it looks at every text
+            # Without the lock: it looks at every text.
+            array = array._replace(statuses=tuple(truncate_statuses(array.statuses)))
         with self._lock:
-            if array is not original:
+            if array.statuses is not original.statuses:
                 self._registry.reject_long_text(topic)
             shared = self._registry.shared_topics.get(topic)
             if shared is not None:
@@ -128,7 +129,7 @@ class FleetState(WatchedFleet):
                 if not is_measured or not self._is_known(robot):
                     continue
                 self._faults.advance(now)
-                robot.measure(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
+                robot.measure(feed, truncate_statuses(own), now)
                 self._follow(robot, now)
 
     def addresses(self) -> dict[str, str]:

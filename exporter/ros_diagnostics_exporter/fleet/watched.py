@@ -19,7 +19,6 @@ from ros_diagnostics_exporter.fleet.missions import FleetMissions
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.loops import Timers
 from ros_diagnostics_exporter.model import (
-    Array,
     Domain,
     Endpoint,
     Instant,
@@ -28,7 +27,7 @@ from ros_diagnostics_exporter.model import (
     Unclaimed,
     place,
 )
-from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.limits import truncate_statuses
 from ros_diagnostics_exporter.robots.missions import ACTIONS
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
@@ -333,7 +332,7 @@ class WatchedFleet(ABC):
                 if robot is not None:
                     if not robot.up:
                         self._registry.mark_publishing(robot)
-                    robot.receive_fields(truncate_array(Array(0.0, tuple(statuses))).statuses, now)
+                    robot.receive_fields(truncate_statuses(statuses), now)
                     self._follow(robot, now)
         return due
 
@@ -444,7 +443,7 @@ class WatchedFleet(ABC):
             if robot is None:
                 return
             for feed, statuses in report.by_feed():
-                robot.measure(feed, truncate_array(Array(0.0, statuses)).statuses, now)
+                robot.measure(feed, truncate_statuses(statuses), now)
             names = {each.name for each in report.statuses} | report.held
             for component in [each for each in robot.components if is_of_graph(each.identity)]:
                 if component.identity[0] not in names:

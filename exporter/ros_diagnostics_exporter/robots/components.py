@@ -388,8 +388,7 @@ class Components:
         What is published only on a change may have been lost, or not read: its time begins anew.
         """
         was_unread = {each for each in self if each.is_on_change and self._is_unread(each)}
-        if self._is_lossy and not lossy:
-            self.arrays_since = now.mono
+        self.arrays_since = now.mono if self._is_lossy else self.arrays_since
         self._is_lossy, self.unread = lossy, unread
         for component in self:
             if component.is_stale:

@@ -7,9 +7,10 @@ does with a text (keep it, log it, split it at its slashes) must stay cheap all 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 
 from ros_diagnostics_exporter.decode.cdr import KeyValues
-from ros_diagnostics_exporter.model import Array, Status
+from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots.rejections import SeriesLimitReason
 
 MAX_TEXT = 4096  # characters of a name, hardware_id, message, key or value
@@ -28,11 +29,11 @@ def truncate(text: str, length: int) -> str:
     return f"{text[: max(0, length - 9)]}~{digest}"
 
 
-def truncate_array(array: Array) -> Array:
-    """The array with every text of at most MAX_TEXT characters; itself where all are."""
-    if not any(map(_is_too_long, array.statuses)):
-        return array
-    return array._replace(statuses=tuple(map(_truncate_status, array.statuses)))
+def truncate_statuses(statuses: Sequence[Status]) -> Sequence[Status]:
+    """The statuses with every text of at most MAX_TEXT characters; themselves where all are."""
+    if not any(map(_is_too_long, statuses)):
+        return statuses
+    return tuple(map(_truncate_status, statuses))
 
 
 def _is_too_long(status: Status) -> bool:

@@ -64,12 +64,16 @@ def test_the_end_of_a_fault_is_kept_for_an_hour_after_it_was_served_and_over_res
     last.faults.forget("no such", last.at(50_000))
     known.append(("no such", "removed", 50_000.0))
     last.faults.note_served(last.at(50_000))
+    last.go(53_000, level("arm", ERROR))
+    last.go(53_010)
+    last.go(53_020, level("arm", OK))
+    not_served = ("component/critical r1 arm", "recovered", 53_020.0)
     last.go(53_599)
-    assert ends(last.faults) == known
+    assert ends(last.faults) == [known[0], not_served, known[1]]
     last.go(53_600)
-    assert ends(last.faults) == []
+    assert ends(last.faults) == [not_served]
     last.reborn(53_600)
-    assert ends(last.faults) == []
+    assert ends(last.faults) == [not_served]
 
 
 def test_what_begins_again_has_not_ended():

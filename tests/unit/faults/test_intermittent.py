@@ -1,6 +1,11 @@
 """Components whose faults are too short to be confirmed, and too many to be chance."""
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    FaultSettings,
+    Intermittent,
+    WarningHours,
+)
 from support.fault_histories import (
     ERROR,
     OK,
@@ -32,6 +37,18 @@ def test_two_short_faults_within_ten_minutes_are_an_intermittent_one():
         # The last change but one is of second 500.
         (1099, None),
         (1100, None, f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_it_is_over_once_fewer_than_half_of_the_changes_are_left():
+    play(
+        *flick(0),
+        *flick(200),
+        *flick(400),
+        (440, None, f"began {INTERMITTENT}"),
+        (801, None),
+        (802, None, f"recovered {INTERMITTENT}"),
+        settings=FaultSettings(intermittent=Intermittent(changes=6)),
     )
 
 

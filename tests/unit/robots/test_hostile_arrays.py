@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.decode.cdr import decode
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
-from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate, truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate, truncate_statuses
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
@@ -85,13 +85,13 @@ def test_a_text_without_end_is_cut_wherever_it_stands_and_said_once(status, capl
 
 def test_an_array_of_usual_texts_is_taken_as_it_is():
     text = "x" * MAX_TEXT
-    array = Array(0.0, (Status(OK, text, text, text, ((text, text),)),), 5 * MAX_TEXT)
-    assert truncate_array(array) is array
+    statuses = (Status(OK, text, text, text, ((text, text),)),)
+    assert truncate_statuses(statuses) is statuses
 
 
 def test_a_long_text_in_a_message_as_it_comes_is_cut():
     array = decode(encode_array([Status(OK, "Motor", values=(("Level", LONG),))], 0.0))
-    ((_key, text),) = truncate_array(array).statuses[0].values
+    ((_key, text),) = truncate_statuses(array.statuses)[0].values
     assert len(text) == MAX_TEXT
 
 

@@ -5,7 +5,7 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.decode.goals import ABORTED, SUCCEEDED
 from support.missions import DOCK, FLEET, GOTO, MODES, SPIN, Mission, drive, topic
-from support.state_driver import ERROR, OK, WARN
+from support.state_driver import ERROR, OK, WARN, StateDriver
 
 
 @pytest.fixture
@@ -92,6 +92,14 @@ def test_a_restart_of_the_exporter_ends_no_fault_and_changes_no_count(mission, t
     counts = driver.robot.missions.actions[GOTO].goals.counts
     assert (counts.results["aborted"], counts.results["succeeded"]) == (2, 1)
     assert again.run(GOTO, SUCCEEDED).faults == set()
+
+
+def test_an_action_is_as_bad_as_its_fault_that_is_known_from_alerts_alone(mission):
+    (fault,) = mission.run(DOCK, ABORTED).stand(12).driver.state.faults()
+    again = StateDriver(fleet=mission.driver.state.fleet)
+    again.now = mission.driver.now
+    again.state.adopt([fault], again.now)
+    assert Mission(again.state.fleet, again).level(DOCK) == ERROR
 
 
 def test_after_a_restart_of_the_exporter_the_interventions_and_the_time_go_on(tmp_path):

@@ -1,6 +1,7 @@
 """What is known of a robot outlives a restart, with the times at which it was."""
 
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,24 @@ def test_a_reload_before_the_first_array_is_no_change(tmp_path: Path):
     assert [(each.level, each.since) for each in (motor, arm)] == [(OK, WALL), (ERROR, WALL)]
     assert "level" not in [each.kind for each in later.events[len(events) :]]
     assert [each.changes for each in later.robot.components] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("seen", "latest", "last_seen", "listed"),
+    [
+        (8.0, inf, 8.0, 5.0),
+        (18.0, inf, 18.0, 15.0),
+        (8.0, 4.0, 4.0, 4.0),
+        (18.0, 16.0, 16.0, 15.0),
+        (7.0, inf, 8.0, 5.0),
+    ],
+)
+def test_what_was_received_later_than_written_is_as_old_and_nothing_is_of_the_future(
+    seen, latest, last_seen, listed
+):
+    robot = StateDriver().at(5).raw(MOTOR).at(8).raw(ARM).robot.persist(Instant(8.0, WALL + 8))
+    found = robot.seen_at(WALL + seen, WALL + latest)
+    assert (found.last_seen, found.components[0].listed) == (WALL + last_seen, WALL + listed)
 
 
 @pytest.mark.parametrize(

@@ -435,6 +435,12 @@ def test_what_an_array_of_the_aggregator_lacks_is_missing_until_one_has_it():
         assert driver.agg(*tree(Motor=statuses)).component("Laser 1").missing is missing
 
 
+@pytest.mark.parametrize("groups", [{"A": [MOTOR], "B": [HOT]}, {"A": [HOT], "B": [MOTOR]}])
+def test_of_two_groups_that_have_a_component_the_worse_counts(groups):
+    driver = StateDriver(Source.AGG).agg(*tree(A=[MOTOR], B=[MOTOR]))
+    assert driver.agg(*tree(**groups)).level("Motor 1") == ERROR
+
+
 def test_what_the_ros_graph_shows_is_known_by_its_group():
     of_graph = [is_of_graph(("node", group, "")) for group in (f"query:{GROUP}", "query:x", GROUP)]
     assert of_graph == [True, False, False]

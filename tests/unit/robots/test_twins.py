@@ -119,6 +119,12 @@ def test_what_one_of_them_said_once_counts_for_as_long_as_a_slow_one_may_take():
     assert nodes.stand(10, same, None).driver.level("lidar: Status") == OK
 
 
+def test_one_that_an_earlier_process_knew_is_not_several(tmp_path):
+    nodes = Nodes("a").stand(30, LEFT._replace(level=ERROR, message="no data"))
+    component = nodes.driver.again(tmp_path / "state").component("lidar: Status")
+    assert component.trouble_text == "no longer reports; its last message: no data"
+
+
 def test_of_values_that_nothing_tells_apart_the_one_beyond_a_threshold_counts():
     nodes, same = Nodes("a", "b", values=(LOW,)), FRONT._replace(hardware_id="b")
     nodes.stand(30, same, same)
