@@ -128,6 +128,7 @@ def test_a_downtime_that_lies_ahead_is_shown_and_can_be_cancelled(serve, tmp_pat
     text = "Motor 1: downtime from 19:00 UTC until 20:00 UTC (ann: new gears)"
     assert f"<span class=mark>{text}</span>" in page
     assert "Cancel the downtime of Motor 1 from 19:00:00 UTC until 20:00:00 UTC" in page
+    assert re.search(r"From \(UTC, empty for now: \d\d:\d\d\)", page)  # as one is written there
 
 
 @pytest.mark.parametrize("name", ["a\tb", "a\r\nb", "\x1b[31m", "a\u202eb", "50%25", "<Motor> 1"])
