@@ -272,7 +272,7 @@ class Model:
 
     def _open(self, part: Monitored, to: Level, now: int) -> None:
         assert part.clock is not None
-        part.open.setdefault(STATE_OF[to], now if to == ERROR else part.clock)
+        part.open.setdefault(STATE_OF[to], part.clock if to == WARN else now)
         if to == STALE and part.settings.stale_is_critical:
             part.open.setdefault("critical", now)
 

@@ -35,6 +35,7 @@ _HEALTHY, _NO_DATA, _ABSENT, _FAILING = Verdict
 _OK, _WARN, _ERROR, _STALE = Level
 _COMPONENT = Scope.COMPONENT
 _CRITICAL, _FLAPPING, _INTERMITTENT = State.CRITICAL, State.FLAPPING, State.INTERMITTENT
+_WARNING = State.WARNING
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
 _OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
     {
@@ -131,9 +132,9 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
         if problem is None:
             if verdict < _ABSENT or component.since is None:
                 continue
-            # A CRITICAL counts from when it turned so: one that got better and worse again is
-            # another fault, which no acknowledgement of the first one holds.
-            since = now if state is _CRITICAL else component.since
+            # What is worse than a warning counts from when it turned so: one that got better and
+            # worse again is another fault, which no acknowledgement of the first one holds.
+            since = component.since if state is _WARNING else now
             identity = Identity(_COMPONENT, state, "", component.robot.name, *component.name)
             problem = book.new_problem(identity, since)
             problem.by_setting = state is _CRITICAL

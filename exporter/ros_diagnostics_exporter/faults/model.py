@@ -155,10 +155,10 @@ class Fault:
     """A confirmed problem.
 
     ``since`` is when the trouble began, ``confirmed`` when the fault did (both Unix time). The
-    trouble of a component that is WARNING or STALE began when it left OK, the same time as in
-    `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
-    a silent robot with its last message; of many, a site or a common cause when there were enough,
-    and of many that are CRITICAL when they were.
+    trouble of a component that is WARNING began when it left OK, the same time as in
+    `component_problem_since_timestamp_seconds`; that of one that is STALE or CRITICAL when it
+    turned so; of a silent robot with its last message; of many, a site or a common cause when there
+    were enough, and of many that are CRITICAL when they were.
     ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about
     it, ``capabilities`` what the robot can no longer do, and what it still can; ``details`` is the
     evidence as fields, JSON.

@@ -72,6 +72,18 @@ def test_critical_that_gets_better_and_worse_again_is_another_fault():
 
     since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
     assert since == {"warning": 0, "critical": 40}
+
+
+def test_one_that_is_stale_again_is_another_fault_although_it_was_never_ok():
+    stale = "component/stale r1 motor"
+    last = play(
+        (0, level("motor", STALE)),
+        (10, None, f"began {stale}"),
+        (50, level("motor", WARN), f"recovered {stale}", f"began {WARNING}"),
+        (70, level("motor", STALE), f"began {stale}"),
+    )
+    since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
+    assert since == {"warning": 0, "stale": 70}
     parts = None, ComponentName("", "motor"), ComponentName("", "arm")
     assert [last.faults.in_trouble("r1", part) for part in parts] == [True, True, False]
     last.go(50, level("motor", OK))

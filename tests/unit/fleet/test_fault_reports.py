@@ -113,7 +113,7 @@ steps = st.lists(
 
 @settings(max_examples=60, deadline=None)
 @given(steps)
-def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history):
+def test_the_since_of_a_warning_is_that_of_its_component_whatever_happened(history):
     driver = settled(MOTOR, LASER, confirm_after=2.0)
     for seconds, levels, restarts in history:
         parts = list(zip((MOTOR, LASER), levels, strict=True))
@@ -127,7 +127,7 @@ def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history
         flapping = {each.identity.component for each in lasting if each.identity[0] == "flapping"}
         for fault in lasting:
             name = fault.identity.component
-            if fault.identity.state in ("warning", "stale") and name not in flapping:
+            if fault.identity.state == "warning" and name not in flapping:
                 assert driver.problem_since(name) == fault.since
 
 
