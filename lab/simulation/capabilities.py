@@ -78,7 +78,9 @@ class Capabilities:
     def _is_surely_able(self, known: Delivered) -> bool:
         """Whether it is received, in use and well in all that it needs for the fleet's."""
         now = self._world.now.mono
-        used = now - max(known.quiet, known.gap, self._world.started) > LATE
+        state = self._world.state
+        is_planned = state is not None and state.robots[known.name].maintenance
+        used = now - max(known.quiet, known.gap, self._world.started) > LATE and not is_planned
         return used and judge(EACH, lambda name: self._worst(known, name))[0] == FINE
 
     def _worst(self, known: Delivered, name: str) -> int:

@@ -46,7 +46,6 @@ from ros_diagnostics_exporter.faults.model import (
     Reason,
     RobotSettings,
     Row,
-    Scope,
     ValueReport,
     Verdict,
     at_mono,
@@ -106,7 +105,7 @@ class Faults:
         book.written[FLEET_ROW] = None
         judge.set_hours_timer(book, now)
         for problem in book.problems.values():
-            if problem.identity.scope is Scope.EXPORTER:
+            if problem.robot is None and problem.cause is None:  # of the exporter, or the fleet
                 book.give_verdict(problem, Verdict.NO_DATA)  # until its part is reported
         for robot in book.robots.values():
             if robot.up:

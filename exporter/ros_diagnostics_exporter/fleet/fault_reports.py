@@ -111,7 +111,7 @@ class FaultReports:
         """Follow another config in what is not of a robot, before all robots do and after it."""
         now, self._fleet = self._time(now), fleet
         if is_over:
-            self._report_fleet(now)
+            self.report_fleet(now)
         self._record(self.engine.configure(fleet.faults, now, is_over=is_over))
 
     def configure_robot(self, robot: RobotState, now: Instant) -> None:
@@ -158,7 +158,7 @@ class FaultReports:
             if robot.up and robot.clock_behind is not None
         }
 
-    def _report_fleet(self, now: Instant) -> None:
+    def report_fleet(self, now: Instant) -> None:
         """Report what the fleet can do, where it has other robots, or other settings of them."""
         every = self._robots.values() if self._fleet.capabilities else ()
         source = self._fleet.capabilities, [each.robot.settings for each in every]
@@ -190,7 +190,7 @@ class FaultReports:
             self._report_maintenance(now)
             self._report_domains(now)
             self._record(self.engine.clocks(self._clocks(), now))
-            self._report_fleet(now)
+            self.report_fleet(now)
             for reports in self._robots.values():
                 if reports.may_end:
                     self._record(reports.end_unrepeated(self.engine, now))

@@ -421,6 +421,7 @@ class WatchedFleet(ABC):
         before sees that as well: else it would say that all is well.
         """
         with self._lock:
+            self._faults.report_fleet(now)  # before the first tick it is not known what it can do
             wanted = [each for each in faults if self._faults.engine.may_adopt(each, now)]
         of_graph = [each for each in wanted if _is_of(each, GROUP)]
         for domain_id in self.fleet.domain_ids if of_graph else ():

@@ -181,11 +181,23 @@ def test_a_restart_neither_ends_nor_repeats_it(hall, tmp_path):
     assert again.work(60, r1=OK, r2=OK, r4=OK).changes == ["ended recovered no_reserve"]
 
 
+@pytest.mark.parametrize("level", [OK, ERROR])
+def test_what_is_no_fault_yet_begins_with_what_is_received_after_a_restart(hall, tmp_path, level):
+    """Once it began with the start itself, for however long the exporter had been away."""
+    rows = hall.work(7, r1=ERROR, r2=ERROR).fault_rows()
+    again = Hall(tmp_path)
+    again.now = type(hall.now)(0.0, hall.now.wall + 5)
+    again.restore_faults(rows)
+    assert again.changes == []
+    begun = ["began no_reserve"] if level == ERROR else []
+    assert again.work(30, r1=level, r2=level).changes == begun
+
+
 def test_without_its_database_a_process_goes_on_with_what_fires(hall, tmp_path):
     firing = hall.work(60, r1=ERROR, r2=ERROR).state.faults()
     again = Hall(tmp_path)
     again.levels = {**hall.levels, "r1": None, "r2": None}  # not received again yet
-    again.work(1).state.adopt(firing, again.now)
+    again.state.adopt(firing, again.now)
     assert again.work(300).changes == ["began no_reserve"]
     assert again.work(60, r1=OK, r2=OK).changes[1:] == ["ended recovered no_reserve"]
 
