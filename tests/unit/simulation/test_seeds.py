@@ -105,6 +105,12 @@ def test_what_robots_can_do_is_as_good_as_its_parts_and_one_fault_is_one_mail(se
     assert judge.notified
 
 
+@pytest.mark.parametrize("seed", [6005, 7001])
+def test_what_the_fleet_can_do_is_known_without_a_database_too(seed):
+    """The first began with a start, before anything was received; the second was not adopted."""
+    Judge(generate(seed, robots=8, days=1, lose=True, able=True)).run()
+
+
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
 def test_a_story_breaks_nothing(story):
     fleet, *events = story
