@@ -336,6 +336,8 @@ class Delivered:
                 each for each, at in self.silent_since.items() if at < self.began_at[identity]
             }
             silent -= self.up | self.planned | self.cut
+            # After its downtime a robot has time to return before it is counted.
+            silent = {each for each in silent if not self._was_planned(each)}
             assert 2 * len(silent) < SITE_NEEDS, f"recovered although {silent} are: {identity}"
         if identity.scope is Scope.VALUE:
             charge = self.charges[identity.robot]
@@ -382,6 +384,10 @@ class Delivered:
             return
         lately = self._recent(known, self.silent_since.get(identity.robot, self.second))
         assert lately < FEWEST, f"recovered with {lately} changes in {RECENT} s: {identity}"
+
+    def _was_planned(self, robot: str) -> bool:
+        """Whether it was in a downtime so lately that its silence may not count yet."""
+        return self.second - self.planned_at.get(robot, -inf) <= WAITS
 
     def _counted_since(self, name: str, at: float) -> list[str]:
         """The robots on which a component was an ERROR at a time, and goes on to be one."""
