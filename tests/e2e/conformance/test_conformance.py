@@ -34,12 +34,12 @@ MISTAKES = {
     "a silent robot's fault recovers": (
         "components.py",
         """\
-            if state is not State.FLAPPING:
-                book.give_verdict(problem, Verdict.NO_DATA)
+            if state is not _FLAPPING:
+                book.give_verdict(problem, _NO_DATA)
 """,
         """\
-            if state is not State.FLAPPING:
-                book.give_verdict(problem, Verdict.HEALTHY)
+            if state is not _FLAPPING:
+                book.give_verdict(problem, _HEALTHY)
 """,
         "a service is CRITICAL before its host is down",
     ),
