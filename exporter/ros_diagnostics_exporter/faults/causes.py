@@ -87,10 +87,12 @@ def count_robot(book: Book, robot: RobotRecord, now: Instant) -> None:
 
     That nothing was received of it since a start is no silence within restart_grace.
     """
-    silent = robot.presence is Presence.SILENT
+    silent, site = robot.presence is Presence.SILENT, robot.settings.site
     if not (silent or robot.counted):
+        lasting = book.causes.get((_SITE, site))
+        if lasting is not None and now.mono < book.grace_until:
+            book.touched_causes[lasting] = None  # it waited for this one: see `_may_grow`
         return
-    site = robot.settings.site
     unreachable = suppression.is_unreachable(book, robot, now)
     in_grace = not robot.counted and now.mono < max(book.grace_until, robot.returns_until)
     fresh = silent and not (robot.maintenance or unreachable or in_grace)

@@ -240,6 +240,22 @@ def test_a_restart_is_no_outage_of_a_site():
     play((0, sites(*SIX, site="hall")), (10, restart()), (35, on_robots(SIX, back)), (500, None))
 
 
+def test_after_a_restart_a_site_recovers_with_the_last_robot_that_is_received():
+    """Once only when restart_grace was over, if it had been received before the restart."""
+    play(
+        (0, sites("r1", "r2", site="hall")),
+        (10, on_robots(["r1", "r2"], silent)),
+        (20, None, "began site/silent hall"),
+        (40, back("r1")),
+        (50, restart()),
+        (55, back("r2")),
+        (60, back("r1"), "recovered site/silent hall"),
+        (500, None),
+        robots=["r1", "r2"],
+        settings=FaultSettings(site=CauseSettings(2, 0.5)),
+    )
+
+
 def test_a_robot_in_maintenance_that_moves_to_another_site_is_no_part_of_that_ones_silence():
     hall, yard = SIX[:3], SIX[3:]
     play(
