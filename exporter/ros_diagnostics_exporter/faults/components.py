@@ -81,14 +81,22 @@ def of_value(
     return Verdict.HEALTHY if good else Verdict.FAILING
 
 
-def of_changes(
-    book: Book, history: FlapHistory, problem: Problem, *, is_known: bool = True
-) -> Verdict:
-    """The verdict on how often it changes; unless ``is_known``, rest is no end of it."""
+def judge_flapping(
+    book: Book,
+    problems: Mapping[State, Problem],
+    history: FlapHistory,
+    identity: Identity,
+    now: Instant,
+    *,
+    is_known: bool = True,
+) -> None:
+    """Judge how often what has these problems changes; unless ``is_known``, rest is no end."""
+    problem = problems.get(_FLAPPING) or book.new_problem(identity, now)
     settings, flaps = book.settings.flapping, problem.verdict is not _HEALTHY
+    verdict = _HEALTHY if is_known else _NO_DATA
     if history.ratio >= (settings.stop if flaps else settings.start):
-        return _FAILING
-    return _HEALTHY if is_known else _NO_DATA
+        verdict = _FAILING
+    book.give_verdict(problem, verdict)
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -252,12 +260,10 @@ def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) ->
 def _judge_flapping(
     book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
 ) -> None:
-    robot, problem = component.robot, component.problems.get(_FLAPPING)
-    if problem is not None or flaps.ratio >= book.settings.flapping.start:  # of most neither
-        if problem is None:
-            identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
-            problem = book.new_problem(identity, now)
-        book.give_verdict(problem, of_changes(book, flaps, problem))
+    robot, problems = component.robot, component.problems
+    if _FLAPPING in problems or flaps.ratio >= book.settings.flapping.start:  # of most neither
+        identity = Identity(Scope.FLAPPING, _FLAPPING, "", robot.name, *component.name)
+        judge_flapping(book, problems, flaps, identity, now)
         book.touched_causes[robot.many] = None
     wake(book, component)
 

@@ -212,12 +212,10 @@ def _judge_flapping(book: Book, robot: RobotRecord, now: Instant) -> None:
     if history is None:
         return
     # While it is away it may be broken: that it no longer changes does not end what it had.
-    problem = robot.problems.get(_FLAPPING)
-    if problem is not None or history.ratio >= book.settings.flapping.start:  # of most neither
-        if problem is None:
-            problem = book.new_problem(Identity(Scope.ROBOT, _FLAPPING, robot=robot.name), now)
-        verdict = components.of_changes(book, history, problem, is_known=robot.up)
-        book.give_verdict(problem, verdict)
+    problems = robot.problems
+    if _FLAPPING in problems or history.ratio >= book.settings.flapping.start:  # of most neither
+        identity = Identity(Scope.ROBOT, _FLAPPING, robot=robot.name)
+        components.judge_flapping(book, problems, history, identity, now, is_known=robot.up)
     if robot.flapping != was_flapping:
         touch_all(book, robot)
     if history.ratio > 0.0:
