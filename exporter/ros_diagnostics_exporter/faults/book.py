@@ -294,11 +294,11 @@ class Book:
 
         Or what is measured of a robot, that many of its components failed.
         """
-        state = problem.identity.state
-        if state is _MANY and problem.robot is not None:
-            components = problem.robot.components.values() if problem.robot.has_dependencies else ()
-            return any(each.settings.depends_on for each in components)
-        robots = [problem.robot] if problem.robot and state in _MAY_BE_UNREACHABLE else []
+        state, robot = problem.identity.state, problem.robot
+        if state is _MANY and robot is not None:
+            components = robot.components.values()
+            return robot.has_dependencies and any(each.settings.depends_on for each in components)
+        robots = [robot] if robot and state in _MAY_BE_UNREACHABLE else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]
         return any(robot.settings.uplink in self.robots for robot in robots)

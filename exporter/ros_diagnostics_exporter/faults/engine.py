@@ -151,8 +151,9 @@ class Faults:
         changes = self.advance(now)
         book, has_changed = self._book, settings != self._book.settings
         book.settings, book.is_reloading = settings, not is_over
-        book.touch_causes()
-        book.touch(book.problems.values())
+        if is_over:
+            book.touch_causes()
+            book.touch(book.problems.values())
         if has_changed:
             judge.set_hours_timer(book, now)
         for robot in book.robots.values() if has_changed else ():

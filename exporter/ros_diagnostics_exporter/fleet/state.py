@@ -75,10 +75,11 @@ class FleetState(WatchedFleet):
             self.recorder(Stream(topic), array.raw, now)
         original = array
         if array.size > MAX_TEXT:  # else no text of it is longer than that
-            # Without the lock: it looks at every text.
-            array = array._replace(statuses=tuple(truncate_statuses(array.statuses)))
+            statuses = truncate_statuses(array.statuses)  # without the lock: it looks at every text
+            if statuses is not array.statuses:
+                array = array._replace(statuses=tuple(statuses))
         with self._lock:
-            if array.statuses is not original.statuses:
+            if array is not original:
                 self._registry.reject_long_text(topic)
             shared = self._registry.shared_topics.get(topic)
             if shared is not None:

@@ -88,7 +88,7 @@ def test_what_is_behind_what_is_behind_it_is_explained_too():
     assert driver.pass_to(60, "Laser", "Power").began() == ["Power"]
 
 
-def test_what_is_new_is_behind_what_it_depends_on_from_its_first_message_on():
+def test_what_depends_on_another_does_so_from_its_first_message_on():
     driver = Driver(profile(Wheel="Power"))
     driver.raw(Status(ERROR, "Wheel"), Status(ERROR, "Power"))
     assert driver.suppressed() == {"Wheel": "depends_on"}
