@@ -1,5 +1,7 @@
 """Faults of components: confirmation, nesting, what ends them and what does not."""
 
+import pytest
+
 from ros_diagnostics_exporter.faults.model import ComponentName
 from support.fault_histories import (
     ERROR,
@@ -62,28 +64,18 @@ def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on_und
     )
 
 
-def test_critical_that_gets_better_and_worse_again_is_another_fault():
+@pytest.mark.parametrize(("to", "state"), [(ERROR, "critical"), (STALE, "stale")])
+def test_what_gets_better_and_worse_again_is_another_fault(to, state):
+    fault = f"component/{state} r1 motor"
     last = play(
-        (0, level("motor", ERROR)),
-        (10, None, f"began {CRITICAL}"),
-        (20, level("motor", WARN), f"recovered {CRITICAL}", f"began {WARNING}"),
-        (40, level("motor", ERROR), f"began {CRITICAL}"),
+        (0, level("motor", to)),
+        (10, None, f"began {fault}"),
+        (20, level("motor", WARN), f"recovered {fault}", f"began {WARNING}"),
+        (40, level("motor", to), f"began {fault}"),
     )
 
     since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
-    assert since == {"warning": 0, "critical": 40}
-
-
-def test_one_that_is_stale_again_is_another_fault_although_it_was_never_ok():
-    stale = "component/stale r1 motor"
-    last = play(
-        (0, level("motor", STALE)),
-        (10, None, f"began {stale}"),
-        (50, level("motor", WARN), f"recovered {stale}", f"began {WARNING}"),
-        (70, level("motor", STALE), f"began {stale}"),
-    )
-    since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
-    assert since == {"warning": 0, "stale": 70}
+    assert since == {"warning": 0, state: 40}
     parts = None, ComponentName("", "motor"), ComponentName("", "arm")
     assert [last.faults.in_trouble("r1", part) for part in parts] == [True, True, False]
     last.go(50, level("motor", OK))
